@@ -1,4 +1,4 @@
-"""The whole story in one command: train on sled_snow, judge four agents, draw a launch before and after learning."""
+"""The whole story in one command: train a rider on sled_rollers, judge it beside others, draw a ride of each."""
 
 from __future__ import annotations
 
@@ -6,95 +6,97 @@ import json
 import sys
 import time
 from pathlib import Path
+from typing import Final
 
 import numpy as np
 
-from sledenv.benchmark.oracle import best_launches
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.benchmark.runs import load_run
+from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
-from sledenv.envs.inputs import Contexts
 from sledenv.machine.extras import needs
 from sledenv.plot import plot_strobe
-from sledenv.simulation.outcomes import Descent
 
-from .evaluate import CONTEXTS, SEARCHED, Score, as_json, evaluate, table
-from .sac import Agent as Sac
+from .evaluate import CONTEXTS, Score, as_json, best_of, evaluate, table
 from .train import run_folder, train, trained
 
 with needs("agents", "sledenv.agents.demo"):
     import matplotlib  # noqa: F401, what draws the picture at the end
 
-SCENARIO = "sled_snow"
-ALGORITHMS = ("zero", "random_launch", "best_fixed", "sac")
+SCENARIO: Final = "sled_rollers"
+ALGORITHM: Final = "ride_critic"
+FLIGHTS: Final = 60_000  # that the small agent learns from; the one that ships has many more
+SEARCHED: Final = 20  # contexts whose best ride is searched
+DRAWN: Final = ("no trims", "rule", "shipped")
+_BEFORE, _BEHIND = 14.0, 8.0  # [m] of the ground around the fall that is drawn
+_POSES: Final = 30
 
 
-def strobe(problem: Problem, before: Agent, after: Agent, context: Contexts, path: Path) -> None:
-    """Draw the descents that two agents choose for the same context, shape (1, 11), one above the other."""
-    task = problem.task
+def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Score], path: Path) -> None:
+    """Draw how agents ride in one held-out context where the first of them falls, one above the other.
 
-    def descend(agent: Agent) -> Descent:
-        launch = task.launch(context, np.asarray(agent.act(task.observe(context)), np.float64))
-        return task.descend(context, launch, record="trajectory")
-
-    figure = plot_strobe([descend(before), descend(after)], labels=["before learning", "after learning"])
+    It is the context in which the last agent's gain over the first is the median of those in which the first falls.
+    """
+    first, last = scores[DRAWN[0]], scores[DRAWN[-1]]
+    gain = last.rewards - first.rewards
+    fallen = np.flatnonzero(first.falls > 0.0)
+    candidates = fallen if fallen.size else np.arange(gain.size)
+    chosen = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
+    scene = problem.trials(problem.contexts("test", gain.size), "test")[chosen]
+    descents = []
+    for name in DRAWN:
+        _, trims = problem.ride(agents[name], scene)
+        descents.append(problem.task.ridden(scene, trims[0][~np.isnan(trims[0])].tolist(), record="trajectory"))
+    end = descents[0].state.x
+    figure = plot_strobe(descents, labels=DRAWN, frames=_POSES, between=(max(end - _BEFORE, 0.0), end + _BEHIND))
     figure.savefig(path, dpi=130)
-
-
-def telling_context(problem: Problem, before: Score, after: Score) -> Contexts:
-    """Return the held-out context, shape (1, 11), of median gain among those that did not finish before."""
-    gain = after.rewards - before.rewards
-    failed = np.flatnonzero((before.status != "finish").mean(axis=1) > 0.5)
-    candidates = failed if failed.size else np.arange(gain.size)
-    middle = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
-    return problem.contexts("test", gain.size)[[middle]]
 
 
 command = app(
     "python -m sledenv.agents.demo",
-    "Train agents on sled_snow, judge them, and draw a launch before and after learning.",
+    f"Train a rider on {SCENARIO}, judge it beside others, and draw a ride of each.",
 )
 
 
 @command.default
-def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count | None = None) -> None:
-    """Run the demo; runs that exist already are judged as they are.
+def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count = FLIGHTS) -> None:
+    """Run the demo; a run that exists already is judged as it is.
 
     Parameters
     ----------
     steps
-        Budget of each agent in descents; default: as configured.
+        Flights from which the small agent learns.
     """
     start = time.perf_counter()
     out.mkdir(parents=True, exist_ok=True)
-    problem = Problem(SCENARIO)
-    for algo in ALGORITHMS:
-        if trained(algo, problem, seed=seed, folder=out, steps=steps):
+    problem = Problem(SCENARIO, "descent")
+    algorithms = {"no trims": "zero", "rule": "land_parallel", "small": ALGORITHM}
+    for name, algo in algorithms.items():
+        budget = steps if name == "small" else None
+        if trained(algo, problem, seed=seed, folder=out, steps=budget):
             print(f"[{algo}] already trained", flush=True)
             continue
-        print(f"[{algo}] training on {SCENARIO}", flush=True)
-        train(algo, problem, seed=seed, folder=out, steps=steps, overwrite=True)
+        if name == "small":
+            print(f"[{algo}] training on {steps:,} flights of {SCENARIO}: a minute or two", flush=True)
+        train(algo, problem, seed=seed, folder=out, steps=budget, overwrite=True)
+    places = {name: run_folder(out, algo, problem, seed) for name, algo in algorithms.items()}
+    places["shipped"] = run_folder(TRAINED, ALGORITHM, problem, 0)
 
-    print(f"\nJudging on {CONTEXTS} contexts of {SCENARIO} that no training has seen, and searching the best launches")
-    print(f"of {SEARCHED} of them, a minute or two\n", flush=True)
-    scores = []
-    for algo in ALGORITHMS:
-        _, agent, _ = load_run(run_folder(out, algo, problem, seed))
-        scores.append(evaluate(problem, agent, algo, CONTEXTS))
-    best = best_launches(problem, problem.contexts("test", SEARCHED))
-    text = table(scores, best)
+    print(f"\nJudging on {CONTEXTS} contexts of {SCENARIO} that no training has seen", flush=True)
+    agents = {name: load_run(place)[1] for name, place in places.items()}
+    scores = {name: evaluate(problem, agent, name, CONTEXTS) for name, agent in agents.items()}
+    print(f"Searching the best rides of {SEARCHED} of them: a minute\n", flush=True)
+    best = best_of(problem, SEARCHED, list(scores.values()))
+    text = table(list(scores.values()), best)
     print(text)
     (out / "table.txt").write_text(text + "\n", encoding="utf-8")
-    (out / "scores.json").write_text(json.dumps(as_json(scores, best)), encoding="utf-8")
-
-    untrained = Sac.load_untrained(problem, run_folder(out, "sac", problem, seed))
-    before = evaluate(problem, untrained, "untrained", CONTEXTS)
+    (out / "scores.json").write_text(json.dumps(as_json(list(scores.values()), best)), encoding="utf-8")
     picture = out / "before_after.png"
-    strobe(problem, untrained, agent, telling_context(problem, before, scores[-1]), picture)
-    print(f"\nsac learned: before any training it earned {before.mean:.3f} in the mean, now {scores[-1].mean:.3f}.")
-    print(f"{picture} shows one of its launches before and after.")
-    print(f"{out}/table.txt and scores.json hold this table. Done in {time.perf_counter() - start:.0f} s.")
+    strobe(problem, agents, scores, picture)
+    print("\nno trims: nobody rides. rule: land parallel to the ground (agents/land_parallel.py).")
+    print(f"small: {ALGORITHM} after {steps:,} flights, trained just now; shipped: the same after many more.")
+    print(f"{picture} shows a ride; {out}/table.txt and scores.json hold this table.")
+    print(f"Done in {time.perf_counter() - start:.0f} s.")
 
 
 def main(arguments: list[str] | None = None) -> int:

@@ -139,6 +139,7 @@ def _evaluate(
     *,
     contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
     searched: Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)] = SEARCHED,
+    shifted: bool = False,
     json: Path | None = None,
 ) -> None:
     """Judge trained agents.
@@ -146,11 +147,13 @@ def _evaluate(
     Parameters
     ----------
     runs
-        Folders written by sledenv.agents.train, or names of runs that ship: sled_snow-launch-orientation-critic-s0.
+        Folders written by sledenv.agents.train, or names of runs that ship: sled_mat-launch-spin-critic-s0.
     contexts
         Number of held-out contexts.
     searched
         Of these, whose best launch or ride is searched, against which losses are; 0 leaves losses out.
+    shifted
+        Judge in contexts of a kind that no one trains on: launches a quarter faster, over bumps a quarter higher.
     json
         Also write the numbers to this file.
     """
@@ -160,12 +163,13 @@ def _evaluate(
         raise ValueError("the runs have different scenarios or controls: judge them apart")
     with ExitStack() as places:
         file = json and taken(places, "--json", replacing(json, ".json"))
-        scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for problem, agent, config in loaded]
+        problem = loaded[0][0].shifted() if shifted else loaded[0][0]
+        scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for _, agent, config in loaded]
         best = None
-        count, problem = min(searched, contexts), loaded[0][0].seeing_all()
+        count = min(searched, contexts)
         if count:
             progress("evaluate")(f"searching the best of {count} contexts (--searched 0 leaves it out)")
-            best = best_of(problem, count, scores)
+            best = best_of(problem.seeing_all(), count, scores)
         print(table(scores, best))
         if file:
             file.write_text(dumps(as_json(scores, best)), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""Soft actor-critic of stable-baselines3, from the context to the launch."""
+"""Soft actor-critic of stable-baselines3, from what is seen to the launch or the trims."""
 
 from __future__ import annotations
 

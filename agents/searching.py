@@ -1,4 +1,4 @@
-"""Policies of SAC, TD3 and TQC that take the action which their critic rates best of many."""
+"""Policies of SAC and TQC that take the action which their critic rates best of many."""
 
 from __future__ import annotations
 
@@ -17,7 +17,6 @@ with needs("agents", __name__):
     from sb3_contrib.tqc.policies import TQCPolicy
     from stable_baselines3.common.policies import BasePolicy
     from stable_baselines3.sac.policies import SACPolicy
-    from stable_baselines3.td3.policies import TD3Policy
     from torch import nn
 
 
@@ -84,7 +83,7 @@ class _Searching(BasePolicy):
         self.register_buffer("_cloud", torch.as_tensor(cloud, dtype=torch.float32), persistent=False)
 
     def make_critic(self, features_extractor: Any = None) -> Any:
-        """Return what SAC, TD3 and TQC make, with wider first layers where the touch is told."""
+        """Return what SAC and TQC make, with wider first layers where the touch is told."""
         critic = super().make_critic(features_extractor)  # type: ignore[misc]
         if self._touch is not None:
             told = _Touching(self._touch, self.observation_space.shape[0])  # type: ignore[index]
@@ -129,13 +128,6 @@ class SearchingSAC(_Searching, SACPolicy):
     def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
         proposed = super()._predict(observation, deterministic)
         return self.searched(observation, proposed) if deterministic else proposed
-
-
-class SearchingTD3(_Searching, TD3Policy):
-    """Acts with what the critic rates best; exploration adds its noise to that."""
-
-    def _predict(self, observation: Any, deterministic: bool = False) -> torch.Tensor:
-        return self.searched(observation, super()._predict(observation, deterministic))
 
 
 class SearchingTQC(_Searching, TQCPolicy):

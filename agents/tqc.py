@@ -1,4 +1,4 @@
-"""Truncated quantile critics of sb3-contrib, from the context to the launch."""
+"""Truncated quantile critics of sb3-contrib, from what is seen to the launch or the trims."""
 
 from __future__ import annotations
 
@@ -21,5 +21,5 @@ class Agent(Learned):
 
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
-        """Take the policy that searches."""
-        return searching(SearchingTQC, problem, settings)
+        """Take the policy that searches where an episode has one step."""
+        return searching(SearchingTQC, problem, settings) if problem.environment == "launch" else settings

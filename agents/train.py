@@ -13,10 +13,11 @@ from sledenv.benchmark.problem import Environment, Problem
 from sledenv.benchmark.runs import SETTINGS
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
+from sledenv.scenarios.scenario import load_scenario
 
 ALGORITHMS: Final = (
-    *("best_fixed", "cma_es", "cma_lookups", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
-    *("random_search", "replan", "sac", "td3", "tqc", "uniform_lookups", "verified", "zero"),
+    *("best_fixed", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
+    *("replan", "ride_critic", "sac", "tqc", "zero"),
 )
 
 
@@ -109,7 +110,7 @@ def _train(
     *,
     algo: Annotated[str, Parameter(choices=ALGORITHMS)] = "sac",
     scenario: str = "sled_snow",
-    environment: Environment = "launch",
+    environment: Environment | None = None,
     control: str | None = None,
     seed: Seed = 0,
     steps: Count | None = None,
@@ -123,6 +124,8 @@ def _train(
     ----------
     scenario
         Name of a shipped scenario or a .yaml file.
+    environment
+        Default: descent where a rider meets a track, launch elsewhere.
     control
         Such as orientation+spin; default: what the scenario says.
     steps
@@ -134,7 +137,8 @@ def _train(
     overwrite
         Replace a finished run.
     """
-    problem = Problem(scenario, environment, control)
+    asked = load_scenario(scenario)
+    problem = Problem(asked, environment or ("descent" if asked.is_ride else "launch"), control)
     folder = train(algo, problem, seed=seed, folder=runs, steps=steps, settings=settings, overwrite=overwrite)
     print(f"{folder}\njudge it:  python -m sledenv.agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import os
+import contextlib
 import re
 import sys
-import time
+import tempfile
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -30,21 +30,19 @@ def run(codes: Iterable[str], known: Mapping[str, Any] = MappingProxyType({})) -
     return names
 
 
-def shrink(picture: Path) -> None:
+def shrink(picture: Path, to: Path) -> None:
     """Give a picture a palette, which makes it a third as large and looks the same."""
     # Median cut merges colours of few points, such as those of two markers; without k-means large areas change theirs.
     how: Any = {"method": Image.Quantize.MAXCOVERAGE, "kmeans": 1, "dither": Image.Dither.NONE}
     with Image.open(picture) as image:
-        image.convert("RGB").quantize(256, **how).save(picture, optimize=True)
+        image.convert("RGB").quantize(256, **how).save(to, optimize=True)
 
 
 if __name__ == "__main__":
     pages = [Path(name).resolve() for name in sys.argv[1:]]
     mpl.use("Agg")
-    os.chdir(IMAGES)
-    begun = time.time()
-    for page in pages:
-        run(blocks(page))
-    for picture in IMAGES.glob("*.png"):
-        if picture.stat().st_mtime > begun:
-            shrink(picture)
+    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder):
+        for page in pages:
+            run(blocks(page))
+        for picture in Path(folder).glob("*.png"):
+            shrink(picture, IMAGES / picture.name)

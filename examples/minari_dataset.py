@@ -48,10 +48,10 @@ def main(arguments: list[str] | None = None) -> MinariDataset:
     """Run the command line."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--env-id", default="sledenv:sledenv/SledDescent-v0")
-    parser.add_argument("--scenario", default="sled_brow")
+    parser.add_argument("--scenario", default="sled_rollers")
     parser.add_argument("--episodes", type=int, default=100)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--dataset", default="sledenv/descent-sled_brow/random-v0", help="namespace/name-vN")
+    parser.add_argument("--dataset", default="sledenv/descent-sled_rollers/random-v0", help="namespace/name-vN")
     given = parser.parse_args(arguments)
     collect(given.env_id, given.scenario, given.episodes, given.seed, given.dataset)
     dataset = minari.load_dataset(given.dataset)

@@ -33,7 +33,7 @@ class Policy:
 
 
 def mean_reward(problem: Problem, model: PPO, split: Split, contexts: int) -> float:
-    """Return the expected reward of a policy, the mean over contexts of a split and over draws of the tremble."""
+    """Return the expected reward of a policy, the mean over contexts of a split and over draws of the launch noise."""
     trials = problem.trials(problem.contexts(split, contexts), split)
     return float(problem.judge(Policy(model), trials)[0].jam.reward.mean())
 

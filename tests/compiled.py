@@ -7,16 +7,17 @@ from collections.abc import Callable
 from typing import Any
 
 from sledenv.compiler.entries import INTERPRETED
-from sledenv.compiler.jit import OPTIONS, kernel, register_all
+from sledenv.compiler.jit import OPTIONS, register_all
 
 
+@functools.cache  # compiled once, whoever asks
 def compiled(function: Callable[..., Any]) -> Callable[..., Any]:
     """Return a kernel as numba compiles it for the arguments it gets; itself where NUMBA_DISABLE_JIT is set."""
     if INTERPRETED:
         return function
     import numba
 
-    run = numba.njit(**OPTIONS)(kernel(function))
+    run = numba.njit(**OPTIONS)(function)
 
     @functools.wraps(function)
     def registered(*given: Any) -> Any:

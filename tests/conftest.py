@@ -5,8 +5,23 @@ from collections import Counter
 import pytest
 from hypothesis import settings
 
-settings.register_profile("sledenv", deadline=None)  # how fast an example is depends on what else the machine does
-settings.load_profile("sledenv")
+# How fast an example is depends on what else the machine does. The fast suite tries few examples of each property, the
+# slow one (-m slow) many.
+settings.register_profile("few", deadline=None, derandomize=True, max_examples=25)
+settings.register_profile("many", deadline=None, derandomize=True, max_examples=500)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Choose how many examples are tried."""
+    settings.load_profile("many" if config.option.markexpr == "slow" else "few")
+
+
+@pytest.hookimpl(tryfirst=True)  # before those are left out that are not slow
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Make properties slow tests too where slow tests run."""
+    for item in items:
+        if config.option.markexpr == "slow" and getattr(getattr(item, "function", None), "is_hypothesis_test", False):
+            item.add_marker("slow")
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

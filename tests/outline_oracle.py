@@ -154,6 +154,7 @@ class Rebound(NamedTuple):
     both: bool  # whether two points touched at the same time
     steps: int  # branches or phases
     locked: bool  # whether any velocity was locked
+    lies: tuple[float, float] = (math.inf, math.inf)  # [s], [m] when and where it first lay on a side, settled
 
 
 class Descent(NamedTuple):
@@ -897,21 +898,26 @@ class _Contact(NamedTuple):
     points: tuple[Point, ...]
     both: bool
     branches: tuple[Branch, ...]
+    lies: tuple[float, float]
 
 
 def _follow_contact(surface: Surface, points: tuple[Point, ...], q: np.ndarray, max_time: float) -> _Contact:
     """Follow a contact until all points have left, everything is locked, or ``max_time``."""
     time, both, branches, limit = 0.0, False, [], NOISE * surface.speed
+    lies = (math.inf, math.inf)
     while True:
         branch = choose(surface, points, q)
         q, points = surface.project(branch, q), branch.points
         branches.append(branch)
         both = both or len(points) == 2
         smooth = not surface.rubs(points) and abs(q[U]) <= limit and surface.along == 0.0
-        held = branch.spin == 0 and not any(branch.gaps) and (smooth or not any(branch.slips))
+        settled = branch.spin == 0 and not any(branch.gaps)
+        held = settled and (smooth or not any(branch.slips))
+        if settled and len(points) == 2 and lies[0] == math.inf:
+            lies = (time, surface.state(q).x)
         end = "separated" if not points else "rest" if held else "max_time" if time >= max_time else ""
         if end:
-            return _Contact(end, time, q, points, both, tuple(branches))
+            return _Contact(end, time, q, points, both, tuple(branches), lies)
         if len(branches) >= TOO_MANY:
             raise Unsupported(f"{TOO_MANY} branches in {time} s")
         passed, q, name = _advance(surface, branch, q, max_time - time)
@@ -980,7 +986,8 @@ def follow_compliant(case: Case, *, max_rebounds: int = 1, max_time: float = 10.
         losses = Losses(*(float(contact.q[k]) for k in (HYSTERESIS, SLIDING, ROLLING)))
         locked = any(sum(_locks(branch)) for branch in contact.branches)
         steps = len(contact.branches)
-        rebounds.append(Rebound(began, before, arc, time, state, impulses, losses, contact.both, steps, locked))
+        lies = (began + contact.lies[0], contact.lies[1])
+        rebounds.append(Rebound(began, before, arc, time, state, impulses, losses, contact.both, steps, locked, lies))
         if contact.end != "separated":
             return _ended(case, contact.end, time, state, rebounds, stored)
         if len(rebounds) >= max_rebounds:

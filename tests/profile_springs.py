@@ -100,7 +100,7 @@ def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
 JOIN = 1e-11  # [rad], [m] by which features overlap, so that rounding leaves no crest between two
 
 
-@njit(cache=False)
+@njit(cache=True)
 def add(pairs, count, which, gap, nx, ny, lx, ly, z):
     if count == MOST:
         return count
@@ -111,17 +111,17 @@ def add(pairs, count, which, gap, nx, ny, lx, ly, z):
     return count + 1
 
 
-@njit(cache=False)
+@njit(cache=True)
 def turned(angle):
     return (angle + math.pi) % (2.0 * math.pi) - math.pi
 
 
-@njit(cache=False)
+@njit(cache=True)
 def height_over(piece, x, y):
     return piece[TX] * (y - piece[PY]) - piece[TY] * (x - piece[PX])
 
 
-@njit(cache=False)
+@njit(cache=True)
 def touching(arcs, pieces, crests, z, size, pairs):
     """List all pairs that are closed at (x, y, phi, u, v, omega); return how many."""
     count = 0
@@ -181,12 +181,12 @@ def touching(arcs, pieces, crests, z, size, pairs):
     return count
 
 
-@njit(cache=False)
+@njit(cache=True)
 def sign(speed, layer):
     return min(max(speed / layer, -1.0), 1.0)
 
 
-@njit(cache=False)
+@njit(cache=True)
 def slope_of(arcs, pieces, crests, law, z, pairs, out):
     """Rates of (x, y, phi, u, v, omega); return how many pairs touch."""
     count = touching(arcs, pieces, crests, z, law[SIZE], pairs)
@@ -206,12 +206,12 @@ def slope_of(arcs, pieces, crests, law, z, pairs, out):
     return count
 
 
-@njit(cache=False)
+@njit(cache=True)
 def same(one, m, other, n):
     return m == n and (one[:n, WHICH] == other[:n, WHICH]).all()
 
 
-@njit(cache=False)
+@njit(cache=True)
 def jump(law, one, m, other, n, step):
     """Energy [J] of pairs that came or went with a depth that no gap rate explains."""
     gone = come = rates = 0.0
@@ -228,12 +228,12 @@ def jump(law, one, m, other, n, step):
     return 0.5 * law[CLOSING] * abs(gone - come)
 
 
-@njit(cache=False)
+@njit(cache=True)
 def held(pairs, count, which):
     return (pairs[:count, WHICH] == which).any()
 
 
-@njit(cache=False)
+@njit(cache=True)
 def integrate(arcs, pieces, crests, law, z, contacts, max_time, steps, rows):
     """Follow a body until it has left the ground some times; return how many times, and the energy jumped."""
     rates, stage, after = np.zeros((7, 6)), np.zeros(6), np.zeros(6)
@@ -308,7 +308,7 @@ def depths(tables: Scene, poses: np.ndarray, size: float) -> np.ndarray:
     return deepest
 
 
-@njit(cache=False)
+@njit(cache=True)
 def _depths(arcs, pieces, crests, poses, size, deepest):
     pairs, z = np.zeros((MOST, 8)), np.zeros(6)
     for i in range(len(poses)):

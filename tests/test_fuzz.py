@@ -134,7 +134,7 @@ def test_suites(content: dict[str, Any], scratch: Path) -> None:
         ends("benchmark", "--suite", str(file), "--out", str(scratch / "out"))
 
 
-RUN = TRAINED / "sled_tilt-launch-spin-critic-s0"
+RUN = TRAINED / "sled_mat-launch-spin-critic-s0"
 
 
 @fuzzed(300)
@@ -146,7 +146,7 @@ def test_runs(content: dict[str, Any], scratch: Path) -> None:
     for file in RUN.iterdir():
         (folder / file.name).write_bytes(file.read_bytes())
     (folder / "config.yaml").write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
-    ends("map", "bedrock", "--run", str(folder), "--out", str(scratch / "map.png"))
+    ends("map", "sled_snow", "--run", str(folder), "--out", str(scratch / "map.png"))
 
 
 def recording() -> dict[str, list[Any]]:

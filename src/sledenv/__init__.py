@@ -2,8 +2,8 @@
 
 Importing it registers two environments with Gymnasium, alone or as a native batch:
 
-    gymnasium.make("sledenv/SledLaunch-v0", scenario="sled_snow")    # choose the launch; one step is the whole descent
-    gymnasium.make("sledenv/SledDescent-v0", scenario="sled_snow")   # then trim the spin at every rebound
+    gymnasium.make("sledenv/SledLaunch-v0", scenario="sled_snow")       # choose the launch: one step, a descent
+    gymnasium.make("sledenv/SledDescent-v0", scenario="sled_rollers")   # trim the spin of every flight of a ride
     gymnasium.make_vec("sledenv/SledLaunch-v0", num_envs=1024)
 
 ``scenario_names()`` lists the scenarios. Without an environment, ``simulate`` follows one descent and

@@ -36,7 +36,7 @@ def test_a_target_is_the_reward_that_it_stands_for():
     np.testing.assert_allclose(targets @ critic.middles, rewards, atol=2e-4)
 
 
-@pytest.mark.parametrize("scenario", ["sled_snow", "sled_any", "bedrock", "disc"])
+@pytest.mark.parametrize("scenario", ["sled_snow", own_scenario("boulders"), own_scenario("brake_mat")])
 def test_the_first_touch_is_where_the_descent_first_touches(scenario):
     """Oracle: the simulator, to the end of the flight; some bodies touch in another pose on the way."""
     problem = Problem(scenario, launch_noise=(0.0, 0.0))
@@ -63,7 +63,7 @@ def test_the_first_touch_is_where_the_descent_first_touches(scenario):
 
 def test_numbered_bodies_are_told_apart():
     """Oracle: the contexts, whose bodies have no order."""
-    problem = Problem("bedrock")
+    problem = Problem(own_scenario("boulders"))
     contexts = problem.contexts("train", 50)
     inputs = Touch(problem).inputs(problem.task.observe(contexts), np.zeros((50, 1)))
     assert np.array_equal(inputs[:, 11:16], np.eye(5)[contexts[:, 10].astype(int)])
@@ -86,8 +86,8 @@ def test_a_full_turn_has_no_seam():
     [
         (own_scenario("brake_mat"), (0.0, 0.0)),
         (own_scenario("brake_mat"), (0.05, 0.5)),
-        ("sled_tilt", (0.0, 0.0)),
-        ("sled_brow", (0.0, 0.0)),
+        ("sled_mat", (0.0, 0.0)),
+        ("sled_snow", (0.0, 0.0)),
         (own_scenario("noisy_start"), None),
     ],
 )
@@ -160,7 +160,7 @@ def test_it_learns_the_same_from_the_same_seed_and_better_than_random(scenario, 
 
 def test_weights_are_plain_numbers(tmp_path):
     """Oracle: NumPy, which refuses to run what a file holds."""
-    problem = Problem("sled_tilt")
+    problem = Problem("sled_mat")
     critic = Critic(Touch(problem), [16, 16, 16], 21)
     keep(critic, tmp_path / "critic.npz")
     with np.load(tmp_path / "critic.npz", allow_pickle=False) as arrays:
@@ -174,7 +174,7 @@ def test_weights_are_plain_numbers(tmp_path):
 
 def test_weights_that_are_no_numbers_are_refused(tmp_path):
     """Oracle: one weight of a critic that loads otherwise."""
-    problem = Problem("sled_tilt")
+    problem = Problem("sled_mat")
     critic = Critic(Touch(problem), [8], 11)
     critic.last.bias.data[3] = torch.nan
     keep(critic, tmp_path / "critic.npz")

@@ -1,4 +1,4 @@
-"""Agents that know some mechanics, and searches for linear policies: what they promise, and what they cost."""
+"""Agents that know some mechanics: what they promise."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from sledenv import load_scenario
-from sledenv.agents import cma_es, land_flat, land_parallel, linear, random_search, replan, zero
+from sledenv.agents import land_flat, land_parallel, replan, zero
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.task import Task
 from sledenv.scenarios.scenario import Scenario
@@ -14,16 +14,6 @@ from sledenv.simulation.records import RUNNING
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 CONTROLS = ["both", "orientation", "spin"]
-SEARCHES = {
-    "random_search": (random_search.Agent, {"n_timesteps": 1000, "contexts": 10, "scales": [0.5, 2.0]}),
-    "cma_es": (
-        cma_es.Agent,
-        {
-            **{"n_timesteps": 1000, "restarts": 2, "popsize": 8, "contexts": 10, "validation": 20},
-            **{"scale": 0.3, "sigma0": 0.5},
-        },
-    ),
-}
 
 
 def altered(name: str, **sections) -> Scenario:
@@ -139,44 +129,6 @@ def test_land_flat_without_fall_or_gravity_still_acts():
         problem = Problem(altered(own_scenario("ice_drop"), slope={"gravity_m_s2": 0}), control=control)
         actions = land_flat.Agent(problem).act(problem.task.observe(problem.contexts("test", 5)))
         assert problem.action_space.contains(actions[0])
-
-
-@pytest.mark.parametrize("control", CONTROLS)
-def test_a_linear_policy_reaches_all_orientations_and_stays_in_the_box(control):
-    task = Problem(own_scenario("brake_mat"), control=control).task
-    weights = np.random.default_rng(0).normal(0.0, 3.0, (400, linear.size(task)))
-    observations = np.random.default_rng(1).uniform(-1, 1, (20, 11)).astype(np.float32)
-    actions = linear.actions(task, weights, observations)
-    assert actions.shape == (400, 20, len(task.controlled))
-    assert (np.abs(actions) <= 1.0).all()
-    assert (np.histogram(actions[..., 0], 8, (-1.0, 1.0))[0] > 0).all()
-    assert not linear.actions(task, np.zeros((1, linear.size(task))), observations).any()
-
-
-@pytest.mark.parametrize("algo", sorted(SEARCHES))
-@pytest.mark.parametrize("control", CONTROLS)
-def test_a_search_keeps_to_its_budget_repeats_by_seed_and_loads(algo, control, tmp_path, monkeypatch):
-    """Oracle: the descents that the problem simulates, counted where it does so."""
-    agent, settings = SEARCHES[algo]
-    problem = Problem(own_scenario("ice_drop"), control=control)
-    descend, counted = Problem.descend, []
-    monkeypatch.setattr(Problem, "descend", lambda self, c, a: counted.append(len(c)) or descend(self, c, a))
-    first = agent.train(problem, settings, 3, tmp_path)
-    assert 0.8 * settings["n_timesteps"] <= sum(counted) <= settings["n_timesteps"]
-    assert np.array_equal(agent.load(problem, tmp_path).weights, first.weights)
-    assert np.array_equal(agent.train(problem, settings, 3, tmp_path).weights, first.weights)
-    assert not np.array_equal(agent.train(problem, settings, 4, tmp_path).weights, first.weights)
-
-
-def test_cma_es_improves_on_where_it_starts(tmp_path):
-    """Oracle: the policy without weights, upright and without spin, which a rough mat stops."""
-    problem = Problem(own_scenario("brake_mat"))
-    settings = SEARCHES["cma_es"][1] | {"n_timesteps": 6000, "restarts": 1}
-    agent = cma_es.Agent.train(problem, settings, 0, tmp_path)
-    contexts = problem.contexts("test", 60)
-    start = linear.Linear(problem, np.zeros(linear.size(problem.task)))
-    found, upright = (problem.judge(each, contexts)[0].jam.reward.mean() for each in (agent, start))
-    assert found > upright + 0.15
 
 
 def test_the_zero_action_earns_what_the_launch_earns_alone():

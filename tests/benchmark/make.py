@@ -44,7 +44,7 @@ def results(
     return Results(judged, learning, runs, searched, maps)
 
 
-LEARN = ("ppo", "sac", "td3")
+LEARN = ("ppo", "sac", "tqc")
 CURVES = "environment scenario agent seed descents seconds mean_reward"
 RUNS = "environment scenario agent seed descents train_seconds commit versions suite"
 MAPS = "scenario context orientation spin reward"
@@ -117,7 +117,7 @@ LEVELS = {
     "land_parallel": 0.3,
     "ppo": 0.02,
     "sac": 0.008,
-    "td3": 0.012,
+    "tqc": 0.012,
 }
 
 

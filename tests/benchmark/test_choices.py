@@ -22,8 +22,8 @@ from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
 from tests.own_scenarios import own_scenario
 
-SCENARIO, SEEDS = "sled_patch", (3, 4)
-SHIPPED = Path("sled_patch-launch-orientation+speed-critic-s0")
+SCENARIO, SEEDS = "sled_snow", (3, 4)
+SHIPPED = Path("sled_snow-launch-orientation+speed-critic-s0")
 DEGREE = math.pi / 180.0
 
 
@@ -63,14 +63,14 @@ def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -
 
 
 def test_one_control_has_a_map_over_orientation_and_spin() -> None:
-    data = data_of(map_page(load_scenario("sled_snow"), [2], {}))
+    data = data_of(map_page(load_scenario("sled_mat"), [2], {}))
     assert data["axes"] == ["orientation", "spin"]
-    assert data["free"] == ["orientation"]
+    assert data["free"] == ["spin"]
 
 
 def test_contexts_of_several_bodies_have_theirs() -> None:
     """Oracle: the contexts."""
-    scenario = load_scenario("sled_any")
+    scenario = load_scenario(own_scenario("boulders"))
     shapes = [int(scenario.sample(np.random.default_rng(seed)).shape) for seed in range(3)]
     contexts = json.loads(data_of(map_page(scenario, range(3), {}))["exact"])["contexts"]
     assert [context["body"] for context in contexts] == shapes
@@ -103,7 +103,7 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
 
 @needs_chromium
 @pytest.mark.jit_only
-@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), ("sled_snow", 3), ("bedrock", 3)])
+@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), ("sled_mat", 3)])
 def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the search of the benchmark, whose interval the expected reward of the best launch lies in."""
     problem, file = Problem(name), tmp_path / "map.html"
@@ -123,8 +123,8 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
     assert earned >= best["low"] - 0.005
     # The best of many by 64 draws is so by luck in part.
     assert chromium.run("return map.best.reward") == pytest.approx(earned, abs=0.01)
-    if name == "sled_snow":  # whose agent does not choose the spin
-        assert found["spin"] == pytest.approx(given[0, Context._fields.index("spin")], rel=1e-5)
+    if name == "sled_mat":  # whose agent does not choose the orientation
+        assert found["orientation"] == pytest.approx(given[0, Context._fields.index("orientation")] / DEGREE, rel=1e-5)
     told = chromium.text("#map-words")
     assert told.startswith("Best of this map, white star: orientation")
     assert "of 64 noisy launches" in told
@@ -147,7 +147,7 @@ def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, mon
     scenario = load_scenario(SCENARIO)
     with pytest.raises(FileNotFoundError, match="no finished run"):
         choices(scenario, [0], [tmp_path])
-    other = train("sledenv.agents.zero", Problem("talus"), {}, 0, tmp_path / "other")
+    other = train("sledenv.agents.zero", Problem("sled_mat"), {}, 0, tmp_path / "other")
     with pytest.raises(ScenarioError, match="another scenario"):
         choices(scenario, [0], [other])
     trims = train("sledenv.agents.zero", Problem(SCENARIO, "descent"), {}, 0, tmp_path / "trims")
@@ -161,13 +161,13 @@ def test_the_command_writes_a_page_alone(
     """It searches nothing then."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(oracle, "best_launches", None)
-    assert main(["map", "sled_tilt", "--html", "page.html", "--seeds", "3", "1"]) == 0
+    assert main(["map", "sled_mat", "--html", "page.html", "--seeds", "3", "1"]) == 0
     assert capsys.readouterr().out == "map: wrote page.html\n"
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
     contexts = json.loads(data_of((tmp_path / "page.html").read_text(encoding="utf-8"))["exact"])["contexts"]
     assert [context["name"] for context in contexts] == ["seed 3", "seed 1"]
-    shipped = "sled_tilt-launch-spin-critic-s0"
-    assert main(["map", "sled_tilt", "--html", "page.html", "--seed", "3", "--run", shipped, "--json"]) == 0
+    shipped = "sled_mat-launch-spin-critic-s0"
+    assert main(["map", "sled_mat", "--html", "page.html", "--seed", "3", "--run", shipped, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert [(one["seed"], [agent["agent"] for agent in one["agents"]]) for one in told["contexts"]] == [(3, ["critic"])]
     (context,) = json.loads(data_of((tmp_path / "page.html").read_text(encoding="utf-8"))["exact"])["contexts"]

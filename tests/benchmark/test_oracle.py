@@ -29,8 +29,8 @@ SEEN = [name for name in Context.seen if name not in ("friction", "restitution")
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Problem, pd.DataFrame]:
-    """Best launches of a few contexts of sled_snow."""
-    problem = Problem("sled_snow")
+    """Best launches of a few contexts of sled_snow, at the speeds of the contexts."""
+    problem = Problem("sled_snow", control="orientation")
     return problem, best_launches(problem, problem.contexts("test", 6))
 
 
@@ -85,7 +85,7 @@ def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("scenario", [*Suite.load("full").scenarios, "disc"])
+@pytest.mark.parametrize("scenario", Suite.load("launch").scenarios["launch"])
 def test_the_interval_holds_what_twenty_times_the_launches_find(scenario):
     """Oracle: searches of other grids and scenes, ten more, the best of them judged by 8,192 draws.
 
@@ -113,7 +113,7 @@ def test_what_is_hidden_costs_and_the_best_for_what_is_seen_is_stated(count, sea
     """Oracle: the same problem with nothing hidden, whose best launch earns more in the mean of some contexts."""
     for name, value in search.items():
         monkeypatch.setattr(f"sledenv.benchmark.oracle.{name}", value)
-    problem, full = Problem("sled_snow", observe=SEEN), Problem("sled_snow")
+    problem, full = (Problem("sled_snow", control="orientation", observe=seen) for seen in (SEEN, "all"))
     contexts = problem.contexts("test", count)
     table, other = best_launches(problem, contexts), best_launches(full, contexts)
     pd.testing.assert_frame_equal(table[other.columns.tolist()], other)
@@ -140,7 +140,7 @@ def test_no_cell_is_refined_twice(control):
 @pytest.mark.parametrize("control", ["speed", "all"])
 def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
     """Oracle: the simulator; a random search; the best of both at the speed of the context, which is less free."""
-    content = load_scenario("talus").model_dump(by_alias=True)
+    content = load_scenario(own_scenario("boulders")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 8.0)
     problem = Problem(Scenario.model_validate(content), control=control, launch_noise=noise)
     contexts = problem.contexts("test", 1)
@@ -163,7 +163,7 @@ def test_what_is_not_chosen_is_not_searched():
 
 def test_a_search_that_is_stopped_goes_on_with_the_numbers_of_one_that_is_not(tmp_path, monkeypatch):
     """Oracle: the search of all contexts at once; nothing of what was done before the stop is done again."""
-    problem = Problem("bedrock")
+    problem = Problem(own_scenario("boulders"))
     contexts, searched = problem.contexts("test", 2), []
 
     def search(problem, part):

@@ -165,8 +165,8 @@ def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
         def act(self, observations: np.ndarray) -> np.ndarray:
             return np.full((len(observations), 1), answer)
 
-    problem = Problem("sled_tilt")
-    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_tilt: .*{message}"):
+    problem = Problem("sled_mat")
+    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_mat: .*{message}"):
         problem.judge(Wrong(), problem.trials(problem.contexts("test", 3), "test"))
 
 
@@ -180,9 +180,37 @@ def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
         def act(self, observations: np.ndarray) -> np.ndarray:
             return act(observations)
 
-    problem = Problem("sled_tilt")
-    said = f"^agent {__name__}, scenario sled_tilt: act raised {kind.__name__}: "
+    problem = Problem("sled_mat")
+    said = f"^agent {__name__}, scenario sled_mat: act raised {kind.__name__}: "
     with pytest.raises(GivenCodeError, match=said) as raised:
         problem.judge(Broken(), problem.contexts("test", 2))
     assert isinstance(raised.value.__cause__, kind)
     assert re.search(r" \(test_problem\.py, line \d+\)$", str(raised.value))
+
+
+def test_shifted_contexts_are_harder_and_seen_on_the_scale_of_the_others():
+    """Oracle: the numbers of one ride, each a quarter above, and the observation that they make by hand."""
+    problem = Problem("sled_rollers", "descent")
+    other = problem.shifted()
+    plain, shifted = (one.contexts("test", 40) for one in (problem, other))
+    speed = Context._fields.index("speed")
+    assert shifted[:, speed] == pytest.approx(1.25 * plain[:, speed])
+    assert np.array_equal(np.delete(shifted, speed, axis=1), np.delete(plain, speed, axis=1))
+    slopes = (one.scenario.slope(Context(*contexts[0])) for one, contexts in ((problem, plain), (other, shifted)))
+    low, high = (max(y for _, y in slope.profile) for slope in slopes)
+    assert high == pytest.approx(1.25 * low)
+    seen = []
+
+    class Watching:
+        def act(self, observations):
+            seen.append(observations)
+            return np.zeros((len(observations), 1), np.float32)
+
+    names, (low, high) = problem.task.observation_names, (7.0, 11.0)
+    other.judge(Watching(), other.trials(shifted, "test"))
+    told = 2.0 * (shifted[:, speed] - low) / (high - low) - 1.0
+    first = seen[0][:, names.index("speed")]
+    assert len(first) == 40
+    assert first == pytest.approx(told, abs=1e-6)
+    assert first.max() > 1.0
+    assert max(one[:, names.index("ahead_1_y")].max() for one in seen) > 1.0

@@ -28,7 +28,7 @@ SUITE = {
     "settings": str(ROOT / "configs" / "agents"),
     "steps": 240,
     "maps": 1,
-    "scenarios": ["bedrock", own_scenario("spinning_entry")],
+    "scenarios": [own_scenario("boulders"), own_scenario("spinning_entry")],
     "agents": {"launch": {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}},
 }
 
@@ -72,8 +72,8 @@ def test_a_suite_judges_every_agent_on_every_scenario(finished):
         "random_launch": 0,
         "zero": 0,
     }
-    problem = Problem("bedrock")
-    chosen = results.query("scenario == 'bedrock' and agent == 'best_fixed' and seed == 1")
+    problem = Problem(own_scenario("boulders"))
+    chosen = results.query("scenario == 'boulders' and agent == 'best_fixed' and seed == 1")
     trials = problem.trials(problem.contexts("test", 2), "test")
     again = problem.descend(trials.reshape(-1, 14), chosen[["action_0"]].to_numpy().repeat(TRIALS, axis=0))
     assert np.array_equal(again.jam.reward.reshape(2, -1).mean(axis=1), chosen["reward"])
@@ -115,13 +115,13 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
     monkeypatch.setattr("sledenv.benchmark.runner.train", lambda *given: trained.append(given) or real(*given))
     from sledenv.benchmark.runs import train as real
 
-    one, two = sorted((folder / "judged").glob("launch-bedrock-best_fixed-*"))
+    one, two = sorted((folder / "judged").glob("launch-boulders-best_fixed-*"))
     one.unlink()
     same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
     assert not trained
     two.unlink()
     (folder / "results.parquet").unlink()
-    config = folder / "trained" / "launch-bedrock-best_fixed-s1" / "config.yaml"
+    config = folder / "trained" / "launch-boulders-best_fixed-s1" / "config.yaml"
     config.write_text(config.read_text().replace("n_timesteps: 240", "n_timesteps: 241"))
     same(tables(run_suite(Suite.load(file), folder, workers=1)), found)
     assert [(given[0], given[3]) for given in trained] == [("sledenv.agents.best_fixed", 1)]
@@ -130,7 +130,7 @@ def test_what_was_deleted_is_built_again_and_nothing_else(finished, monkeypatch)
 def test_an_agent_whose_file_is_gone_or_cut_is_trained_again_and_named(finished, caplog):
     """Oracle: the tables as they were; a judged job whose agent is not needed is left alone."""
     file, folder, found = finished
-    for i, name in enumerate(("launch-bedrock-best_fixed-s0", "launch-bedrock-random_launch-s1")):
+    for i, name in enumerate(("launch-boulders-best_fixed-s0", "launch-boulders-random_launch-s1")):
         (kept,) = (path for path in (folder / "trained" / name).glob("*.yaml") if path.stem in ("action", "random"))
         kept.unlink() if i == 0 else kept.write_text("[")
         (judged,) = (folder / "judged").glob(f"{name}-*")
@@ -144,7 +144,7 @@ def test_an_agent_whose_file_is_gone_or_cut_is_trained_again_and_named(finished,
 def test_what_was_altered_is_judged_again_and_named(finished, caplog):
     """Oracle: the tables as they were, after an edited reward, a cut file and one of something else."""
     file, folder, found = finished
-    edited, cut, other = sorted((folder / "judged").glob("launch-bedrock-*"))[:3]
+    edited, cut, other = sorted((folder / "judged").glob("launch-boulders-*"))[:3]
     table = pd.read_parquet(edited)
     table.loc[0, "reward"] += 1e-9
     table.to_parquet(edited, index=False)
@@ -196,7 +196,7 @@ def test_a_suite_that_is_killed_goes_on_where_it_was(finished, tmp_path):
         ({"agents": {"launch": {"sledenv.agents.sac": 1, "mine.sac": 1}}}, "must not have two agents called 'sac'"),
         ({"agents": {"launch": {"sledenv.agents.zero": {"seeds": 1, "varaints": {}}}}}, "did you mean 'variants'?"),
         (
-            {"agents": {"launch": {"sledenv.agents.uniform_lookups": {"seeds": 1, "variants": {"../k": {}}}}}},
+            {"agents": {"launch": {"sledenv.agents.best_fixed": {"seeds": 1, "variants": {"../k": {}}}}}},
             "must have names of letters, digits and _, not '../k'",
         ),
         ({"observe": ["frictoin"]}, "must be 'all' or list fields of the context"),
@@ -212,19 +212,19 @@ def test_a_wrong_suite_is_refused_by_name_of_the_key(changes, message, tmp_path)
 
 def test_an_agent_has_variants_with_settings_of_their_own(tmp_path):
     """Each is a job with a name of its own; a setting that the agent does not have is refused."""
-    few = {"seeds": 2, "variants": {"k16": {"lookups": 16}, "k64": {}}}
-    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.uniform_lookups": few}}, steps=None))
-    jobs = [job for job in suite.jobs() if job.scenario == "bedrock"]
-    assert [(job.agent, job.seed, job.settings["lookups"]) for job in jobs] == [
-        ("uniform_lookups-k16", 0, 16),
-        ("uniform_lookups-k64", 0, 64),
-        ("uniform_lookups-k16", 1, 16),
-        ("uniform_lookups-k64", 1, 64),
+    few = {"seeds": 2, "variants": {"few": {"contexts": 10}, "many": {}}}
+    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.best_fixed": few}}, steps=None))
+    jobs = [job for job in suite.jobs() if job.scenario == own_scenario("boulders")]
+    assert [(job.agent, job.seed, job.settings["contexts"]) for job in jobs] == [
+        ("best_fixed-few", 0, 10),
+        ("best_fixed-many", 0, 100),
+        ("best_fixed-few", 1, 10),
+        ("best_fixed-many", 1, 100),
     ]
-    assert jobs[0].name == "launch-bedrock-uniform_lookups-k16-s0"
-    few["variants"]["k16"] = {"lookup": 16}
-    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.uniform_lookups": few}}))
-    with pytest.raises(SuiteError, match="'lookup' is no setting; there are lookups"):
+    assert jobs[0].name == "launch-boulders-best_fixed-few-s0"
+    few["variants"]["few"] = {"context": 10}
+    suite = Suite.load(written(tmp_path, agents={"launch": {"sledenv.agents.best_fixed": few}}))
+    with pytest.raises(SuiteError, match="'context' is no setting; there are n_timesteps, contexts"):
         list(suite.jobs())
 
 

@@ -14,7 +14,7 @@ from sledenv.benchmark.runs import TRAINED, agent_class, is_trained, load_run, m
 from sledenv.command.cli import main
 from sledenv.machine.blame import GivenCodeError
 
-RUN = TRAINED / "sled_tilt-launch-spin-critic-s0"
+RUN = TRAINED / "sled_mat-launch-spin-critic-s0"
 AGENT = """
 import numpy as np
 
@@ -81,7 +81,7 @@ def test_a_module_that_cannot_be_imported_is_told_with_the_place(
     monkeypatch.syspath_prepend(tmp_path)
     name = f"clumsy_{abs(hash(text))}"
     (tmp_path / f"{name}.py").write_text(text)
-    suite = {"id": "mine", "title": "Mine", "contexts": 2, "scenarios": ["sled_tilt"], "agents": {"launch": {name: 1}}}
+    suite = {"id": "mine", "title": "Mine", "contexts": 2, "scenarios": ["sled_mat"], "agents": {"launch": {name: 1}}}
     (tmp_path / "mine.yaml").write_text(yaml.safe_dump(suite))
     told = refused(capsys, "benchmark", "--suite", "mine.yaml", status=1)
     assert told.startswith(f"sledenv benchmark: error: agent {name!r}: importing it raised ")
@@ -94,7 +94,7 @@ def test_a_module_that_cannot_be_imported_is_told_with_the_place(
     [
         (
             {"train": "raise KeyError('lr')"},
-            "scenario sled_tilt: train raised KeyError: 'lr' (mine_train.py, line 7)",
+            "scenario sled_mat: train raised KeyError: 'lr' (mine_train.py, line 7)",
         ),
         ({"load": "raise OSError('gone')"}, "load raised OSError: gone (mine_load.py, line 11)"),
     ],
@@ -107,7 +107,7 @@ def test_an_agent_that_raises_an_error_is_told_with_the_place(
     (which,) = broken
     (tmp_path / f"mine_{which}.py").write_text(AGENT.format(**{"train": "pass", "load": "pass", "width": 1} | broken))
     with pytest.raises(GivenCodeError) as raised:
-        load_run(train(f"mine_{which}", Problem("sled_tilt"), {}, 0, tmp_path / "run"))
+        load_run(train(f"mine_{which}", Problem("sled_mat"), {}, 0, tmp_path / "run"))
     assert message in str(raised.value)
     assert (tmp_path / "run").exists() == (which == "load")
 
@@ -138,11 +138,11 @@ def test_a_configuration_that_is_none_is_told_in_one_line(
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "config.yaml").write_text(text)
-    told = refused(capsys, "map", "sled_tilt", "--run", "run")
+    told = refused(capsys, "map", "sled_mat", "--run", "run")
     assert "run/config.yaml" in told.replace("\\", "/")
     assert message in told
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
-    assert not is_trained("sledenv.agents.zero", Problem("sled_tilt"), {}, 0, tmp_path / "run")
+    assert not is_trained("sledenv.agents.zero", Problem("sled_mat"), {}, 0, tmp_path / "run")
 
 
 def test_a_run_with_a_damaged_file_is_trained_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
@@ -173,5 +173,5 @@ def test_a_run_with_a_damaged_file_is_trained_again(tmp_path: Path, caplog: pyte
 def test_settings_that_are_none_are_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "sac.yaml").write_text(text)
     with pytest.raises(ValueError, match=r"sac\.yaml") as raised:
-        read_settings(tmp_path, "sledenv.agents.sac", Problem("sled_tilt"))
+        read_settings(tmp_path, "sledenv.agents.sac", Problem("sled_mat"))
     assert message in str(raised.value)

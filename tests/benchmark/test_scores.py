@@ -159,7 +159,7 @@ def test_whoever_left_a_learning_curve_has_learned_and_no_one_else() -> None:
 
 def test_one_bad_learner_fails_the_scores_and_a_baseline_that_was_not_judged_fails_the_verdict() -> None:
     """Oracle: a regret of 6 % of the best is a score of 0.88 where a random launch earns half."""
-    agents = {"sac": np.full((2, 9), 0.005), "td3": np.full((2, 9), 0.06), "best_fixed": np.full((2, 9), 0.2)}
+    agents = {"sac": np.full((2, 9), 0.005), "tqc": np.full((2, 9), 0.06), "best_fixed": np.full((2, 9), 0.2)}
     (row,) = scores.verdicts(scores.scores(make.results(agents))).to_dict("records")
     assert row["agent"] == "sac"
     assert row["lowest_score"] == pytest.approx(0.88)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
-from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3 import PPO, SAC
 
 import sledenv  # noqa: F401  # registers what the saved models are tried on
 from sledenv.envs.sb3 import make_vec_env
@@ -22,11 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of torc
 
 @pytest.mark.parametrize(
     ("algorithm", "given"),
-    [
-        (SAC, ["learning_starts:64", "batch_size:32"]),
-        (TD3, ["learning_starts:64", "batch_size:32"]),
-        (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"]),
-    ],
+    [(SAC, ["learning_starts:64", "batch_size:32"]), (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"])],
 )
 def test_the_zoo_trains_evaluates_and_saves_a_model_that_acts(algorithm, given, tmp_path):
     """Oracle: the files that the zoo documents; the saved policy on the native batch."""

@@ -27,7 +27,6 @@ from sledenv.scenarios.tracks import TRACKS, standard_normals
 from sledenv.simulation.support import support_height
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
-SLED_SCENARIOS = (own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("ice_fast"))
 SOLVERS = ("compliant", "rigid")
 BUMPS, UNSTEADY = ride_over_bumps(), ride_over_bumps(noise_rad_s=0.3)
 TURN = 2.0 * np.pi
@@ -52,7 +51,7 @@ def play(env, rng) -> list:
     return steps
 
 
-@pytest.mark.parametrize("scenario", [*SLED_SCENARIOS, UNSTEADY], ids=name_of)
+@pytest.mark.parametrize("scenario", [own_scenario("ice_fast"), UNSTEADY], ids=name_of)
 def test_both_checkers_pass_without_a_warning(scenario):
     """Oracle: Gymnasium's and SB3's check_env; pytest turns warnings into errors."""
     env = gym.make(DESCENT_ID, scenario=scenario)
@@ -75,7 +74,7 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_and_the_descent_is
     rng = np.random.default_rng(0)
     launch, descent = SledLaunch(scenario, "both", solver=solver), SledDescent(scenario, solver=solver)
     launch.reset(seed=1)
-    for _ in range(60 if solver == "compliant" else 20):  # a rigid descent bounces until it settles
+    for _ in range(20 if solver == "compliant" else 5):  # a rigid descent bounces until it settles
         _, begun = launch.reset()
         _, reward, _, _, info = launch.step(random_action(launch, rng))
         chosen = {name: info["launch"][name] for name in ("orientation", "spin")}
@@ -92,8 +91,8 @@ def test_without_trims_the_return_is_the_reward_of_the_launch_and_the_descent_is
 
 
 def test_a_launch_is_drawn_from_the_control_bounds_unless_the_scenario_says_from_what():
-    """Oracle: the ranges of the files; sled_brow says nothing of the pose at launch."""
-    env, asks = SledDescent("sled_brow"), sledenv.load_scenario("sled_brow")
+    """Oracle: the ranges of the files; sled_snow says nothing of the pose at launch."""
+    env, asks = SledDescent("sled_snow"), sledenv.load_scenario("sled_snow")
     assert asks.launch_section.orientation_deg is None
     turns = [env.reset(seed=seed)[1]["launch"]["orientation"] for seed in range(60)]
     low, high = np.radians(asks.control.orientation_deg)
@@ -117,7 +116,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
     env.reset(seed=3)
     rng = np.random.default_rng(2)
     body, worked, length = env.task.bodies[0], False, env.task.scenario.slope_section.length_m
-    for _ in range(40):
+    for _ in range(12):
         env.reset()
         gained = 0.0
         terminated = False
@@ -269,8 +268,7 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
         assert (context[0, -1] > 0.0) == (scenario is BUMPS or scenario.rider.noise_rad_s > 0.0)
 
 
-@pytest.mark.parametrize("scenario", [own_scenario("brake_mat"), UNSTEADY], ids=name_of)
-@settings(max_examples=15, deadline=None)
+@pytest.mark.parametrize("scenario", [own_scenario("ice_drop"), UNSTEADY], ids=name_of)
 @given(draws=st.lists(st.floats(0.0, 1.0, exclude_max=True), min_size=12, max_size=12), seed=st.integers(0, 99))
 def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, draws, seed):
     """Oracle: the ride of the context that was drawn; the film repeats it too."""
@@ -299,7 +297,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
     env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
     check_env(env, skip_render_check=True)
     rng, found = np.random.default_rng(1), 0
-    for seed in range(10):
+    for seed in range(4):
         env.reset(seed=seed)
         for observation, _, terminated, _, info in play(env, rng):
             if not terminated:
@@ -316,57 +314,7 @@ def test_a_polygon_is_seen_as_it_flies(solver):
                 assert seen.supplied[0] == pytest.approx(info["descent"]["energy"]["supplied"], rel=1e-6)
                 assert seen.profiles == [()]
                 found += 1
-    assert found > 20
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
-    """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
-    for seed in range(3):
-        env, twin = (SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
-        env.reset(seed=seed)
-        snapshots, steps = [env.snapshot()], []
-        rng = np.random.default_rng(seed)
-        actions = [random_action(env, rng) for _ in range(300)]
-        for action in actions:
-            steps.append(env.step(action))
-            snapshots.append(env.snapshot())
-            if steps[-1][2] or steps[-1][3]:
-                break
-        following = env.reset()
-        returns = set()
-        for i in rng.choice(len(steps), min(len(steps), 4), replace=False).tolist():
-            for k in range(2):  # alternatives, also one after the other from the same snapshot
-                env.restore(snapshots[i])
-                other = np.random.default_rng([seed, k])
-                rollout = play(env, other)
-                twin.reset(seed=seed)
-                for action in actions[:i]:
-                    twin.step(action)
-                assert equal(rollout, play(twin, np.random.default_rng([seed, k])))
-                returns.add(rollout[-1][1])
-            elsewhere = SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
-            for target in (env, elsewhere):
-                target.restore(pickle.loads(pickle.dumps(snapshots[i])))
-                assert equal([target.step(action) for action in actions[i : len(steps)]], steps[i:])
-                assert equal(target.reset(), following)
-        assert len(steps) == 1 or len(returns) > 1
-
-
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
-def test_pickles_and_copies_made_at_any_time_go_on_identically(kind):
-    for made in (copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))):
-        env = kind(own_scenario("ice_drop"), launch_noise=(0.1, 0.2))
-        twin = made(env)
-        assert equal(env.reset(seed=5), twin.reset(seed=5))
-        for i in range(30):
-            twin = made(twin)
-            action = random_action(env, np.random.default_rng(i))
-            one, other = env.step(action), twin.step(action)
-            assert equal(one, other)
-            if one[2] or one[3]:
-                twin = made(twin)
-                assert equal(env.reset(), twin.reset())
+    assert found > 8
 
 
 def test_limits_end_a_ride_with_the_reward_of_what_was_done():
@@ -462,9 +410,10 @@ def test_a_render_mode_that_is_no_word_is_named_before_gymnasium_takes_it_for_on
 
 def test_the_spec_survives_json_and_a_second_registration_is_silent():
     arguments = {"scenario": own_scenario("ice_fast"), "solver": "rigid", "split": "test", "launch_noise": [0.1, 0.0]}
-    for name in (LAUNCH_ID, DESCENT_ID):
-        env = gym.make(name, **arguments)
+    for name, more in ((LAUNCH_ID, {"control": "orientation+spin"}), (DESCENT_ID, {})):
+        env = gym.make(name, **arguments, **more)
         again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+        assert again.unwrapped.task.control == env.unwrapped.task.control
         assert equal(env.reset(seed=2), again.reset(seed=2))
     register()
 
@@ -564,9 +513,10 @@ class Session(RuleBasedStateMachine):
             assert equal(getattr(self.twin, name)(*args, **kwargs), gave)
 
 
-@pytest.mark.parametrize("solver", [*SOLVERS, "bumps"])
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
+@pytest.mark.parametrize(
+    ("kind", "solver"), [(SledLaunch, "rigid"), (SledDescent, "compliant"), (SledDescent, "bumps")]
+)
 def test_no_order_of_calls_breaks_an_environment(kind, solver):
     own = {"scenario": UNSTEADY} if solver == "bumps" else {"solver": solver}
     machine = type("Machine", (Session,), {"kind": kind} | own)
-    run_state_machine_as_test(machine, settings=settings(max_examples=12, stateful_step_count=20, deadline=None))
+    run_state_machine_as_test(machine, settings=settings(stateful_step_count=20))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -53,6 +55,45 @@ def test_a_hidden_field_is_taken_to_be_in_the_middle_of_its_range_by_those_who_a
     assert not whole.hidden.any()
 
 
+def rollers(**slope: Any) -> sledenv.Scenario:
+    """A sled over bumps, or over other ground."""
+    bumps = {"height_m": [0.15, 0.4], "face_m": [3, 6], "top_m": [0.2, 1.5], "gap_m": [1, 4]}
+    ground = {"angle_deg": [7, 11], "length_m": 25} | (slope or {"bumps": bumps})
+    content = sledenv.load_scenario("sled_snow").model_dump()
+    return sledenv.Scenario.model_validate(content | {"id": "rollers", "slope": ground, "zones": []})
+
+
+def test_the_number_of_a_track_is_told_and_never_seen():
+    """Oracle: contexts that differ by it alone: what is seen of them differs in the vertices ahead."""
+    env = SledLaunch(rollers(), launch_noise=(0.0, 0.0))
+    first, told = env.reset(seed=3)
+    assert told["context"]["track"] >= 1.0
+    assert first.shape == (35,)
+    assert "track" not in env.task.observation_names
+    assert env.task.contexts_seen(first[np.newaxis])[0, -1] == 0.0
+    rewards = set()
+    for track in (7, 8, 7.0, 8):
+        again, info = env.reset(options={"context": told["context"] | {"track": track}})
+        assert info["context"] == told["context"] | {"track": float(track)}
+        np.testing.assert_array_equal(again[:11], first[:11])
+        assert (again[11:] != first[11:]).any()
+        rewards.add(env.step(np.zeros(env.action_space.shape, np.float32))[1])
+    assert len(rewards) == 2
+    for wrong in (0.5, -1, 2**32):
+        with pytest.raises(ValueError, match=r"context\.track = .*: must be a whole number in \[0, 4294967296\)"):
+            env.reset(options={"context": {"track": wrong}})
+    with pytest.raises(ValueError, match=r"observe = \['track'\]: must be 'all' or a sequence"):
+        SledLaunch(rollers(), observe=["track"])
+    with pytest.raises(ValueError, match="solver = 'rigid': must be 'compliant' in scenario rollers"):
+        SledLaunch(rollers(), solver="rigid")
+
+
+def test_speeds_are_scaled_by_all_that_a_profile_can_supply():
+    """Oracle: the energy of a fall from the highest to the lowest vertex on top of that of the plane."""
+    flat, deep = Task(rollers(bumps=None)), Task(rollers(profile_m=[(5, 0), (10, -2), (15, -2), (20, 0)]))
+    assert deep._speed**2 - flat._speed**2 == pytest.approx(2.0 * 9.81 * 2.0)
+
+
 def test_order_and_repetition_do_not_matter_and_nothing_may_be_seen():
     assert Task("sled_snow", observe=["spin", "angle", "spin"]).observed == ("angle", "spin")
     env = SledLaunch(observe=())
@@ -70,7 +111,7 @@ def test_unknown_fields_are_refused_by_name(observe):
 @pytest.mark.parametrize("kind", [SledLaunch, SledDescent])
 def test_info_tells_the_launch_with_its_error(kind, noise):
     """Oracle: simulate() with what info tells, whose reward must be that of the episode."""
-    env = kind("sled_tilt", launch_noise=noise)
+    env = kind("sled_mat", launch_noise=noise)
     scenario = env.task.scenario
     for seed in range(10):
         env.reset(seed=seed)

@@ -280,7 +280,8 @@ def test_frames_differ_in_time_and_repeat(renderer: DescentRenderer, descent: De
     second = renderer.frame(descent, 0.6)
     assert (first != second).any()
     assert (first == kept).all()
-    assert (DescentRenderer(DISC).frame(descent, 0.5) == first).all()
+    copy = pickle.loads(pickle.dumps(DescentRenderer(DISC)))
+    assert (copy.frame(descent, 0.5) == first).all()
 
 
 def test_a_frame_is_clipped_to_the_duration(renderer: DescentRenderer, descent: Descent) -> None:
@@ -482,8 +483,8 @@ def test_a_film_is_played_to_its_end(
 ) -> None:
     shown: list[np.ndarray] = []
     monkeypatch.setattr(renderer, "show", lambda image: shown.append(image) is None)
-    renderer.play(renderer.film(descent, speed=20.0))
-    assert len(shown) == len(film_times(descent, 30, speed=20.0)) > 30
+    renderer.play(renderer.film(descent, speed=40.0))
+    assert len(shown) == len(film_times(descent, 30, speed=40.0)) > 15
     assert (shown[0] == renderer.frame(descent, 0.0)).all()
     assert (shown[-1] == renderer.frame(descent, descent.time)).all()
 
@@ -492,12 +493,6 @@ def test_playing_stops_when_the_window_is_closed(renderer: DescentRenderer, desc
     renderer.show(renderer.frame(descent, 0.0))
     pygame.event.post(pygame.event.Event(pygame.QUIT))
     renderer.play(renderer.film(descent, speed=0.001))  # an hour otherwise
-
-
-def test_a_renderer_without_window_can_be_pickled(descent: Descent) -> None:
-    renderer = DescentRenderer(DISC, size=(320, 200))
-    copy = pickle.loads(pickle.dumps(renderer))
-    assert (copy.frame(descent, 1.0) == renderer.frame(descent, 1.0)).all()
 
 
 def test_wrong_arguments_are_named(renderer: DescentRenderer, descent: Descent) -> None:

@@ -14,7 +14,7 @@ from sledenv.command.cli import main
 from sledenv.identification.flights import flights_of
 from sledenv.identification.report import plot_track_residuals, write_tracks
 from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
-from sledenv.simulation.bodies import segment
+from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import polygon
 from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
@@ -39,18 +39,13 @@ def cost_of_truth(found: TrackFit, one: Drop) -> float:
     return found.fit.problem.cost(np.array(list(values.values())))
 
 
-def covered(found: TrackFit, one: Drop) -> dict[str, bool]:
-    return {name: found.intervals[name].low <= one.truth[name] <= found.intervals[name].high for name in LAW}
-
-
-def near(found: TrackFit, one: Drop, times: float = 3.0) -> bool:
-    """Whether the truth is within some half widths of each interval."""
-    for name in found.intervals:
-        interval = found.intervals[name]
-        middle, half = 0.5 * (interval.low + interval.high), 0.5 * (interval.high - interval.low)
-        if abs(one.truth[name] - middle) > times * half:
-            return False
-    return True
+def covered(found: TrackFit, one: Drop, times: float = 1.0) -> dict[str, bool]:
+    """Whether the truth is within each interval of the law, made some times as wide."""
+    inside = {}
+    for name in set(LAW) & set(found.intervals):
+        low, high, *_ = found.intervals[name]
+        inside[name] = abs(one.truth[name] - 0.5 * (low + high)) <= times * 0.5 * (high - low)
+    return inside
 
 
 @pytest.fixture(scope="module")
@@ -66,7 +61,7 @@ def held() -> TrackFit:
 def test_flights_end_where_the_body_touches_down() -> None:
     """Oracle: the simulated rebounds, to within half of an interval of frames."""
     rng = np.random.default_rng(1)
-    for _ in range(8):
+    for _ in range(4):
         one = drop(rng, DISC)
         (recording,) = recordings_of(track(one, rng), 0.1)
         ends = [flight.end for flight in flights_of(one.body, one.slope, recording)]
@@ -85,17 +80,12 @@ def test_flights_of_exact_poses_are_exact() -> None:
     assert second.launch[3:] == pytest.approx([rebounds[f"{name}_after"][0] for name in ("u", "v", "omega")], abs=1e-7)
 
 
-def test_the_noise_is_told_from_the_poses() -> None:
+@pytest.mark.parametrize(("wrong", "share"), [(0.03, 1.0), (0.0, 1.0 / 3.0)])
+def test_the_noise_is_told_from_the_poses_however_frames_are_spaced(wrong: float, share: float) -> None:
+    """Some poses are wrong, or two frames in three are lost: parabolas leave no third divided difference."""
     rng = np.random.default_rng(2)
-    (recording,) = recordings_of(track(PLAIN, rng, rate=1000.0, wrong=0.03), 0.1)
-    assert recording.noise == pytest.approx(NOISE, rel=0.25)
-
-
-def test_the_noise_does_not_depend_on_how_frames_are_spaced() -> None:
-    """Frames of which two in three are lost at random: parabolas leave no third divided difference."""
-    rng = np.random.default_rng(2)
-    table = track(PLAIN, rng, rate=1000.0)
-    (recording,) = recordings_of(table[rng.random(len(table)) < 1.0 / 3.0], 0.1)
+    table = track(PLAIN, rng, rate=1000.0, wrong=wrong)
+    (recording,) = recordings_of(table[rng.random(len(table)) < share], 0.1)
     assert recording.noise == pytest.approx(NOISE, rel=0.25)
 
 
@@ -110,72 +100,65 @@ def test_a_law_and_a_launch_are_recovered(plain: TrackFit) -> None:
     assert (np.abs(found) < 4.0 * errors).all()
 
 
-def test_what_a_mirror_shows_has_the_same_law(held: TrackFit) -> None:
+def test_what_a_mirror_shows_has_the_same_law_and_whole_turns_do_not_matter(held: TrackFit) -> None:
     table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
-    mirrored = table.assign(x_m=-table["x_m"], phi_rad=-table["phi_rad"])
+    turned = np.remainder(-table["phi_rad"], 2.0 * math.pi)
+    assert np.ptp(turned) > 6.0
+    mirrored = table.assign(x_m=-table["x_m"], phi_rad=turned)
     other = identify_tracks(mirrored, DISC, Slope(-PLAIN.slope.angle), fixed=KNOWN)
     assert other.values["friction"] == pytest.approx(held.values["friction"], abs=0.1 * held.fit.errors["friction"])
     for name, sign in zip(State._fields, (-1, 1, -1, -1, 1, -1), strict=True):
-        mirror = sign * getattr(other.launches["0"], name)
-        assert mirror == pytest.approx(getattr(held.launches["0"], name), abs=0.1 * held.fit.errors[name])
+        error = sign * getattr(other.launches["0"], name) - getattr(held.launches["0"], name)
+        turns = round(error / (2.0 * math.pi)) if name == "phi" else 0
+        assert error - turns * 2.0 * math.pi == pytest.approx(0.0, abs=0.1 * held.fit.errors[name])
 
 
-def test_whole_turns_of_the_orientation_do_not_matter(held: TrackFit) -> None:
-    table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
-    turned = table.assign(phi_rad=np.remainder(table["phi_rad"], 2.0 * math.pi))
-    other = identify_tracks(turned, DISC, PLAIN.slope, fixed=KNOWN)
-    assert np.ptp(turned["phi_rad"]) > 6.0
-    assert other.values["friction"] == pytest.approx(held.values["friction"], abs=1e-3 * held.fit.errors["friction"])
-
-
+@pytest.mark.slow
 def test_wrong_poses_and_lost_frames_are_borne() -> None:
     table = track(PLAIN, np.random.default_rng(5), seconds=0.6, wrong=0.04)
     table.loc[[3, 50, 51, 52, 120], "x_m"] = np.nan
     found = identify_tracks(table, PLAIN.body, PLAIN.slope, fixed={"rolling_arm": 0.002})
-    assert near(found, PLAIN, 2.0)
+    assert all(covered(found, PLAIN, 2.0).values())
     assert found.used.loc["0", "frames"] == len(table) - 5
     assert found.used.loc["0", "whole"]
 
 
-def test_several_recordings_tell_more_than_one() -> None:
+def test_several_recordings_by_several_cameras_tell_more_than_one() -> None:
+    """Frames come at 60 and 1000 a second; some poses of the second are wrong, and some frames are lost."""
     rng = np.random.default_rng(6)
-    drops = [PLAIN, PLAIN._replace(launch=launch(rng, DISC))]
-    tables = [track(one, rng, seconds=0.4).assign(recording=f"drop {k}") for k, one in enumerate(drops)]
+    other = track(PLAIN._replace(launch=launch(rng, DISC)), rng, rate=1000.0, seconds=0.34, wrong=0.04)
+    other.loc[[3, 50, 51, 52, 120], "x_m"] = np.nan
+    tables = [track(PLAIN, rng, rate=60.0, seconds=0.5).assign(recording="one"), other.assign(recording="two")]
     both = identify_tracks(pd.concat(tables), DISC, PLAIN.slope, fixed=KNOWN)
     alone = identify_tracks(tables[0], DISC, PLAIN.slope, fixed=KNOWN)
-    assert near(both, PLAIN, 2.0)
-    assert list(both.launches) == ["drop 0", "drop 1"]
+    assert all(covered(both, PLAIN, 2.0).values())
+    assert all(covered(alone, PLAIN, 2.0).values())
+    assert list(both.launches) == ["one", "two"]
+    assert both.used["whole"].all()
+    assert both.used["frames"].tolist() == [30, 335]
     assert both.fit.errors["friction"] < alone.fit.errors["friction"]
 
 
-@pytest.mark.parametrize("rate", [60.0, 1000.0])
-def test_cameras_of_60_and_1000_frames_a_second_do(rate: float) -> None:
-    found = identify_tracks(
-        track(PLAIN, np.random.default_rng(7), rate=rate, seconds=0.6), DISC, PLAIN.slope, fixed=KNOWN
-    )
-    assert near(found, PLAIN, 2.0)
-    assert found.used.loc["0", "whole"]
+STONE = polygon(1.0, [(0.0, 0.0), (0.2, 0.0), (0.16, 0.15), (0.02, 0.12)], rounding=0.02)
 
 
-def test_a_corner_that_hits_is_told_from_the_arc() -> None:
-    """Oracle: the law, of which only the arm of the arc needs a rebound on the arc."""
-    one = PLAIN._replace(body=SLED, launch=State(0.0, 0.45, -1.2, 0.5, 0.0, -1.0))
-    assert descent(one, 0.5).rebounds["feature"][0] == sledenv.Feature.NOSE
-    table = track(one, np.random.default_rng(8), seconds=0.5)
-    found = identify_tracks(table, SLED, one.slope, fixed={"rolling_arm": 0.002})
-    assert near(found, one, 2.0)
+@pytest.mark.parametrize(
+    ("body", "launched"),
+    [(SLED, State(0.0, 0.45, -1.2, 0.5, 0.0, -1.0)), (STONE, State(0.0, 0.35, 0.3, 0.5, 0.0, 2.0))],
+    ids=["a corner", "a rounded polygon"],
+)
+def test_a_body_with_any_outline_tells_its_law(body: Body, launched: State) -> None:
+    """Oracle: the law; the sled hits with its nose, the polygon with two of its corners."""
+    one = PLAIN._replace(body=body, launch=launched)
+    features = descent(one, 0.5).rebounds["feature"]
+    assert len(set(features.tolist())) > 1 if body is STONE else features[0] == sledenv.Feature.NOSE
+    found = identify_tracks(track(one, np.random.default_rng(8), seconds=0.5), body, one.slope, fixed=KNOWN)
+    assert all(covered(found, one, 2.0).values())
+    arm = body.radius if body is SLED else body.size
+    assert found.fit.problem.parameter("corner_rolling_arm").high == arm
 
 
-def test_a_body_with_any_outline_tells_its_law() -> None:
-    """Oracle: the law; the body is a rounded polygon that lands on two of its corners."""
-    stone = polygon(1.0, [(0.0, 0.0), (0.2, 0.0), (0.16, 0.15), (0.02, 0.12)], rounding=0.02)
-    one = PLAIN._replace(body=stone, launch=State(0.0, 0.35, 0.3, 0.5, 0.0, 2.0))
-    assert len({row["feature"] for row in descent(one, 0.5).rebounds}) > 1
-    found = identify_tracks(track(one, np.random.default_rng(8), seconds=0.5), stone, one.slope, fixed=KNOWN)
-    assert near(found, one, 2.0)
-    assert found.fit.problem.parameter("corner_rolling_arm").high == stone.size
-
-
+@pytest.mark.slow
 def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
     law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.4, rolling_arm=0.002)
     one = Drop(SLED, law, Slope(0.05), State(0.0, 0.2, math.pi - 0.3, 0.4, 0.0, 0.5))
@@ -187,6 +170,7 @@ def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
     assert found.intervals["restitution"].low <= 0.3 <= found.intervals["restitution"].high
 
 
+@pytest.mark.slow
 def test_a_friction_that_no_rebound_reaches_has_no_upper_end() -> None:
     """A disc without spin or slip: friction does nothing, so that every value in the bounds is as good."""
     law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.0)
@@ -207,13 +191,6 @@ def test_a_soft_contact_has_its_stiffness_told() -> None:
     assert interval.low <= math.log10(2e4) <= interval.high
     assert interval.high - interval.low < 0.2
     assert found.values["stiffness"] == pytest.approx(2e4, rel=0.2)
-
-
-def test_launches_are_found_where_the_law_is_known() -> None:
-    law = {name: PLAIN.truth[name] for name in LAW}
-    found = identify_tracks(track(PLAIN, np.random.default_rng(3), seconds=0.5), DISC, PLAIN.slope, fixed=law)
-    assert found.intervals == {}
-    assert found.launches["0"].u == pytest.approx(PLAIN.launch.u, abs=4.0 * found.fit.errors["u"])
 
 
 def test_what_follows_another_law_is_said_not_to_be_explained() -> None:
@@ -282,6 +259,8 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
     track(PLAIN, np.random.default_rng(0), seconds=0.5).to_parquet(file)
     found = sledenv.identify(file, DISC, PLAIN.slope, fixed={name: PLAIN.truth[name] for name in LAW})
     assert isinstance(found, TrackFit)
+    assert found.intervals == {}
+    assert found.launches["0"].u == pytest.approx(PLAIN.launch.u, abs=4.0 * found.fit.errors["u"])
     with pytest.raises(ValueError, match="slope: poses over time need it"):
         sledenv.identify(file, DISC)
     film = pd.read_parquet(file)
@@ -295,39 +274,21 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
 
 def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
     file, folder = tmp_path / "track.csv", tmp_path / "out"
-    track(PLAIN, np.random.default_rng(0), seconds=0.5).to_csv(file, index=False)
+    track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(recording="=1+1").to_csv(file, index=False)
     body = ["--gyration-radius", str(math.sqrt(0.004)), "--radius", "0.1", "--eccentricity", "0.02"]
     assert main(["identify", str(file), *body, "--out", str(folder)]) == 2
     assert "--slope-deg: poses over time need it" in capsys.readouterr().err
     slope = ["--slope-deg", str(math.degrees(0.1))]
-    assert (
-        main(
-            [
-                "identify",
-                str(file),
-                *body,
-                *slope,
-                "--fix",
-                "rolling_arm=0.002",
-                "--fix",
-                "friction=0.1",
-                "--out",
-                str(folder),
-            ]
-        )
-        == 0
-    )
+    fixed = ["--fix", "rolling_arm=0.002", "--fix", "friction=0.1"]
+    assert main(["identify", str(file), *body, *slope, *fixed, "--out", str(folder)]) == 0
     assert "restitution" in capsys.readouterr().out
-    assert {one.name for one in folder.iterdir()} == {
-        "parameters.csv",
-        "recordings.csv",
-        "launches.csv",
-        "residuals.csv",
-        "motion_0.html",
-        "residuals_0.png",
-    }
+    names = ["launches.csv", "motion_0.html", "parameters.csv", "recordings.csv", "residuals.csv", "residuals_0.png"]
+    assert sorted(one.name for one in folder.iterdir()) == names
     table = pd.read_csv(folder / "parameters.csv", index_col=0)
     assert table.loc["restitution", "low"] <= 0.7 <= table.loc["restitution", "high"]
+    for name in ("recordings", "launches", "residuals"):
+        told = pd.read_csv(folder / f"{name}.csv")["recording"]
+        assert (told == "'=1+1").all(), name  # a spreadsheet would run it without the apostrophe
 
 
 def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[no-untyped-def]
@@ -344,7 +305,7 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
 
 @pytest.mark.slow
 def test_short_contacts_are_no_rigid_ones() -> None:
-    """Contacts of half a frame, as deep as the noise: the table in docs/recordings.md."""
+    """Contacts of half a frame, as deep as the noise: what docs/recordings.md says of them."""
     law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
     one = Drop(segment(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
     table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")

@@ -6,13 +6,12 @@ import math
 
 import mpmath
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sledenv.kernel import arithmetic
 from tests.compiled import compiled
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=500)  # the first call compiles
 wrap, sine_cosine, angle_of = compiled(arithmetic.wrap), compiled(arithmetic.sine_cosine), compiled(arithmetic.angle_of)
 sixteenth_root, sign_of = compiled(arithmetic.sixteenth_root), compiled(arithmetic.sign_of)
 angles = st.floats(-20.0, 20.0)
@@ -25,7 +24,6 @@ def ulps(found: float, exact: mpmath.mpf) -> float:
     return float(abs(mpmath.mpf(found) - exact)) / math.ulp(float(exact))
 
 
-@property_of_all
 @given(angles)
 @example(0.5 * math.pi)
 @example(math.pi)
@@ -40,7 +38,6 @@ def test_sine_and_cosine_are_exact_to_two_units_of_the_last_place(angle: float) 
         assert ulps(cosine, mpmath.cos(mpmath.mpf(angle))) <= 2.0
 
 
-@property_of_all
 @given(angles)
 def test_sine_is_odd_and_cosine_is_even(angle: float) -> None:
     """Oracle: the mirror image, bit by bit."""
@@ -48,7 +45,6 @@ def test_sine_is_odd_and_cosine_is_even(angle: float) -> None:
     assert sine_cosine(-angle) == (-sine, cosine)
 
 
-@property_of_all
 @given(lengths, lengths, signs, signs)
 def test_an_angle_is_exact_to_two_units_of_the_last_place(across: float, along: float, up: float, on: float) -> None:
     """Oracle: mpmath's atan2 with 60 digits."""
@@ -56,7 +52,6 @@ def test_an_angle_is_exact_to_two_units_of_the_last_place(across: float, along: 
         assert ulps(angle_of(up * across, on * along), mpmath.atan2(up * across, on * along)) <= 2.0
 
 
-@property_of_all
 @given(st.floats(0.5, 2.0), st.floats(0.5, 2.0), signs, signs)
 def test_an_angle_of_ordinary_sides_is_exact_to_two_units_too(
     across: float, along: float, up: float, on: float
@@ -66,7 +61,6 @@ def test_an_angle_of_ordinary_sides_is_exact_to_two_units_too(
         assert ulps(angle_of(up * across, on * along), mpmath.atan2(up * across, on * along)) <= 2.0
 
 
-@property_of_all
 @given(lengths, lengths, signs)
 def test_an_angle_is_odd(across: float, along: float, on: float) -> None:
     """Oracle: the mirror image, bit by bit."""
@@ -82,7 +76,6 @@ def test_angles_of_the_axes(across: float, along: float, angle: float) -> None:
     assert angle_of(across, along) == angle
 
 
-@property_of_all
 @given(st.floats(-1e3, 1e3))
 @example(math.pi)
 @example(3.0 * math.pi)
@@ -95,7 +88,6 @@ def test_an_angle_less_its_turns_is_the_same_direction_within_a_half_turn(angle:
     assert wrap(-angle) == -left
 
 
-@property_of_all
 @given(st.floats(1e-300, 1e300))
 def test_a_root_of_order_sixteen(number: float) -> None:
     """Oracle: mpmath's root with 60 digits."""

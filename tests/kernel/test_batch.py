@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv import ContactLaw, Segment, Settings, Slope, State, circular_segment, segment, simulate, simulate_batch
@@ -100,7 +100,6 @@ bodies = st.one_of(
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@settings(deadline=None, derandomize=True, max_examples=30)
 @given(of_lanes=st.lists(bodies, min_size=1, max_size=70), seed=st.integers(0, 2**32 - 1))
 def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Segment], seed: int) -> None:
     """With corners and without, in any order; with logs and without, on one thread and two; as rows and as records."""

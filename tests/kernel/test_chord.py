@@ -1,4 +1,4 @@
-"""Both corners of a segment on the slope: against two springs integrated by scipy, closed forms, random descents."""
+"""Both corners of a segment on the slope: closed forms, rocking, random descents, the mirror image."""
 
 from __future__ import annotations
 
@@ -11,15 +11,14 @@ import pytest
 
 from sledenv.closed_forms import on_chord
 from sledenv.closed_forms.painleve import painleve
-from sledenv.kernel.records import Feature, Status
-from sledenv.simulation.bodies import Segment, segment
+from sledenv.kernel.records import Feature
+from sledenv.simulation.bodies import Segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import DEFAULT, Settings
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
-from tests.two_springs import Result, follow, random_contacts
 
 Solver = Literal["compliant", "rigid"]
 SOLVERS = pytest.mark.parametrize("solver", ["compliant", "rigid"])
@@ -42,64 +41,6 @@ def law_of(friction: float, *, restitution: float = 0.5, stiffness: float = 1e8,
 def laid(body: Segment, u: float = 0.0, x: float = 0.0) -> State:
     """The chord flat on the surface, without load."""
     return State(x, support_height(body, math.pi), math.pi, u)
-
-
-# --- an independent method -------------------------------------------------------------------------------------------
-
-
-def difference(body: Segment, result: Result, descent: Descent, scale: float) -> float:
-    """Largest difference of the velocities at the end of a contact over those at its beginning."""
-    ours, theirs = descent.state, result.state
-    spin = body.radius * abs(ours.omega - theirs.omega)
-    return max(abs(ours.u - theirs.u), abs(ours.v - theirs.v), spin) / scale
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("count", [60, pytest.param(500, marks=pytest.mark.slow)])
-def test_random_contacts_are_those_of_two_springs(count: int) -> None:
-    """Oracle: tests/two_springs.py. It ends where the arc comes down, and counts orientations from another turn."""
-    endings = {"separated": Status.LOG_FULL, "rest": Status.JAMMED, "max_time": Status.TIMEOUT}
-    seen: Counter[tuple[str, bool]] = Counter()
-    wrong = []
-    for number, contact in enumerate(random_contacts(count, seed=1)):
-        body, _, _, start = contact
-        result = follow(*contact, max_time=1.0)
-        seen[result.end, result.both] += 1
-        if result.end == "arc":
-            continue
-        descent = simulate(*contact, max_rebounds=1, max_time=1.0)
-        good = descent.status == endings[result.end]
-        # Both ends that stick at different depths slip by that difference times the spin: the oracle lets both stick.
-        good &= difference(body, result, descent, max(math.hypot(start.u, start.v), 1e-3)) < 3e-7
-        if result.end == "rest":
-            apart = math.remainder(descent.state.phi - result.state.phi, 2.0 * math.pi)
-            good &= abs(descent.state.x - result.state.x) < 1e-8 and abs(apart) < 1e-8
-        lies = (descent.outcome["t_on_chord"], descent.outcome["x_on_chord"])
-        expected = (math.inf, math.inf) if result.lies is None else (result.lies.time, result.lies.state.x)
-        good &= lies == pytest.approx(expected, abs=1e-8)
-        if result.both:
-            good &= bool(descent.rebounds[0]["feature"] == Feature.CHORD)
-        if not good:
-            wrong.append((number, result.end, str(descent.status), lies, expected))
-    assert not wrong
-    assert sum(n for (end, _), n in seen.items() if end == "arc") <= 0.02 * count
-    assert min(seen["separated", True], seen["separated", False], seen["rest", True], seen["max_time", True]) > 0
-
-
-@pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_landing_on_both_corners_in_turn_rebounds_high(side: float) -> None:
-    """Oracle: two_springs; a body that fell by 30 mm at 2 m/s more goes on to jump by 133 mm."""
-    body, law, tilt = circular_segment(100.0, 0.5, math.radians(100.0)), law_of(0.0, restitution=0.8), 0.002
-    phi = math.pi - tilt
-    launch = State(0.0, support_height(body, phi) + 0.03, side * phi, 0.0, -2.0)
-    fall = math.sqrt(4.0 + 2.0 * GRAVITY * 0.03)
-    result = follow(body, law, Slope(0.0), State(0.0, support_height(body, phi), side * phi, 0.0, -fall))
-    descent = simulate(body, law, Slope(0.0), launch, max_rebounds=1)
-    rebound = descent.rebounds[0]
-    assert rebound["feature"] == Feature.CHORD
-    assert rebound["v_after"] == pytest.approx(1.61, abs=0.005)
-    assert rebound["v_after"] ** 2 / (2.0 * GRAVITY) == pytest.approx(0.133, abs=0.0005)
-    assert difference(body, result, descent, fall) < 1e-12
 
 
 # --- closed forms ----------------------------------------------------------------------------------------------------
@@ -181,22 +122,6 @@ def test_rolling_resistance_keeps_a_body_from_tipping(solver: Solver) -> None:
     if solver == "rigid":  # a compliant one hops first, as friction tips it until the corner behind has load again
         assert descent.time == pytest.approx(2.0 / (law.friction * GRAVITY), rel=1e-13)
         assert len(descent.rebounds) == 1
-
-
-def test_the_rolling_impulse_is_within_its_bound_where_friction_keeps_a_body_from_turning() -> None:
-    """Oracle: zero where there is no arm, and otherwise the sum of arm times load; the rest is a couple of friction."""
-    body = segment(101.52422680940133, 0.14007923879953998, 0.03500419302780319, 0.7880831946130593, 1.9132573039796412)
-    slope = Slope(-0.017453292519943295)
-    launch = State(
-        0.4533717521634944, 0.3601066721752993, -2.6458539889302335, 0.11750602537682104, -5.3222476631802405, 0.0
-    )
-    for arm in (0.0, 1e-5):
-        law = ContactLaw(71573.67227491585, 0.9269450036332664, 1.9779963094020014, arm, arm)
-        descent = simulate(body, law, slope, launch, record="trajectory", sample_interval=1e-3)
-        rows, path = descent.rebounds, descent.trajectory
-        assert (rows["feature"] == Feature.CHORD).any()
-        assert (np.abs(rows["rolling_impulse"]) <= arm * rows["normal_impulse"] * (1.0 + 1e-12)).all()
-        assert (np.abs(path["rolling"]) <= arm * path["normal"] * (1.0 + 1e-12)).all()
 
 
 @SOLVERS
@@ -376,9 +301,15 @@ def random_lanes(rng: np.random.Generator, lanes: int, *, near: bool) -> Lanes:
 OPTIONS: dict[str, Any] = {"max_time": 20.0, "max_rebounds": 2000}
 
 
-def survey(solver: Solver, bodies: int, lanes: int, seed: int) -> Counter[str]:
-    """How random descents end; their books are checked."""
-    rng, endings = np.random.default_rng(seed), Counter[str]()
+@pytest.mark.jit_only
+@pytest.mark.parametrize(("bodies", "lanes"), [(6, 60), pytest.param(200, 500, marks=pytest.mark.slow)])
+@SOLVERS
+def test_random_descents_end_and_create_no_energy(solver: Solver, bodies: int, lanes: int) -> None:
+    """Oracle: conservation of energy. Of 100,000 one may exhaust its steps; no other failure is known.
+
+    Some bodies with a flat arc are pressed so deep into the softest slopes that both its ends are in them.
+    """
+    rng, endings = np.random.default_rng(11), Counter[str]()
     for number in range(bodies):
         body, laws, slopes, launches = random_lanes(rng, lanes, near=number % 2 == 0)
         batch = simulate_batch(body, laws, slopes, launches, Settings(solver=solver, **OPTIONS))
@@ -388,148 +319,13 @@ def survey(solver: Solver, bodies: int, lanes: int, seed: int) -> Counter[str]:
         residual = ends["kinetic"] + ends["potential"] + ends["stored"] + lost - ends["initial"]
         # A chord that is nearly flat is laid flat at a touch: the height is right to 1e-12 of the size.
         error = np.abs(residual) / (np.abs(ends["initial"]) + np.abs(ends["potential"]) + lost)
-        assert error.max() < 1e-10, (solver, seed, number, int(error.argmax()))
+        assert error.max() < 1e-10, (number, int(error.argmax()))
         for loss in ("hysteresis", "sliding", "rolling"):
-            assert (ends[loss] >= 0.0).all(), (solver, seed, number)
-        failed = np.flatnonzero(np.isin(batch.status, ("step_budget", "non_finite", "buried")))
-        if len(failed):
-            print(solver, seed, number, failed, batch.status[failed])
-    return endings
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize(
-    ("solver", "bodies", "lanes"),
-    [
-        ("compliant", 20, 60),
-        ("rigid", 20, 60),
-        pytest.param("compliant", 200, 500, marks=pytest.mark.slow),
-        pytest.param("rigid", 200, 500, marks=pytest.mark.slow),
-    ],
-)
-def test_random_descents_end_and_create_no_energy(solver: Solver, bodies: int, lanes: int) -> None:
-    """Oracle: conservation of energy. Of 100,000 one may exhaust its steps; no other failure is known.
-
-    Some bodies with a flat arc are pressed so deep into the softest slopes that both its ends are in them.
-    """
-    endings = survey(solver, bodies, lanes, seed=11)
+            assert (ends[loss] >= 0.0).all(), number
     assert endings["step_budget"] <= 1e-5 * bodies * lanes
     assert endings["buried"] <= (1e-4 * bodies * lanes if solver == "compliant" else 0)
     assert set(endings) <= {"finish", "jammed", "timeout", "log_full", "step_budget", "buried"}
     assert min(endings["finish"], endings["jammed"]) > 0.1 * bodies * lanes
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize(
-    ("radius", "half_angle", "law", "angle", "launch"),
-    [
-        pytest.param(
-            0.5846061359152468,
-            0.4310270299535354,
-            (8815848.015292604, 0.2503834765792351, 0.5748729078805427, 0.018645605303148734, 0.011586049977416562),
-            0.0,
-            (0.0, 0.021474018909260515, math.pi, 0.0, 0.0, 0.0),
-            id="set down flat at rest, rolling resistance holds it: only one slip is said to be released",
-        ),
-        pytest.param(
-            0.6155219574969105,
-            0.45995116855701107,
-            (9128546.382552912, 0.7307911174274997, 0.7340802661218628, 0.004424498908641195, 0.006045339847906292),
-            0.0,
-            (0.0, 0.40453978223987547, -math.pi, 0.0, 0.0, 0.0),
-            id="just before both leave, slip and spin zero, gaps that differ by rounding",
-        ),
-        pytest.param(
-            0.753496969418747,
-            1.670664566242756,
-            (20371889.651288558, 0.18478306425012878, 0.0, 0.017027589587041588, 0.0),
-            0.3339064169538819,
-            (0.0, 0.3773727217342706, -math.pi, 2.9016620853696864, -1.990311612051892, 0.0),
-            id="no rolling resistance: a moment that is rounding is held against a bound of zero",
-        ),
-        pytest.param(
-            0.40219414144429033,
-            2.8604922518143647,
-            (1837569.1552256746, 0.18588814078675275, 0.23089488736184177, 0.018653421353604215, 0.0),
-            0.0,
-            (0.0, 0.538891965546582, math.pi, -2.663726156315054, -2.975395790330806, 0.0),
-            id="flat touchdown, one gap zero, the other 1e-17: only one corner seems to carry",
-        ),
-        pytest.param(
-            0.6403232991096108,
-            0.6540139357490866,
-            (2248892.262215785, 0.865114366780312, 0.0, 0.00611276903325932, 0.019935325827803527),
-            0.0,
-            (0.0, 0.26570810296269, -2.6938571770324646, 0.0, -1.359331604803391, 0.0),
-            id="a spin is released without friction: slips that start the wrong way end at once",
-        ),
-        pytest.param(
-            0.7468918140548275,
-            1.333645604461057,
-            (650477709.6898867, 0.0, 0.796161917063919, 0.01700836912488775, 0.001688186712758031),
-            0.0,
-            (0.0, 0.8652289324065909, -2.8615970168384792, 4.516167821381893, -2.3373344857215, -3.384828430433769),
-            id="small bounces without loss: both slips are said to be released, in opposite directions",
-        ),
-    ],
-)
-def test_flat_contacts_do_not_stall(
-    radius: float, half_angle: float, law: tuple[float, ...], angle: float, launch: tuple[float, ...]
-) -> None:
-    """Oracle: no contact of this kind has a reason to end by its steps, and a mirror image takes the same ones."""
-    body = circular_segment(100.0, radius, half_angle)
-    x, y, phi, u, v, omega = launch
-    slopes = [Slope(angle, 20.0), Slope(-angle, math.inf)]  # the second goes uphill, where no slope ends
-    launches = [launch, (-x, y, -phi, -u, v, -omega)]
-    descents = simulate_batch(body, ContactLaw(*law), slopes, np.array(launches), Settings(**OPTIONS))
-    assert "step_budget" not in descents.status
-    if descents.status[0] != "finish":
-        assert descents.status[0] == descents.status[1]
-        assert descents.outcomes["steps"][0] == descents.outcomes["steps"][1]
-
-
-@pytest.mark.parametrize("tolerance", [DEFAULT.tolerance, 1e-12, 1e-10])
-def test_a_corner_that_has_just_left_is_not_down_again(tolerance: float) -> None:
-    """Oracle: the same contact with shorter steps. With the longest the height of the first corner is least exact."""
-    body = segment(
-        0.6850201382225128, 0.013824628214499961, 0.013740265324342646, 5.31613886967895e-07, 0.14276461018365538
-    )
-    law = ContactLaw(6155.575645328738, 0.9988138987295385, 0.3059542722072709, 0.0, 0.0)
-    launch = State(0.0, 0.0012868530717055225, -2.45738715749364, 8.002111158081586, -1.1821886250448417, 0.16541218759)
-    descent = simulate(body, law, Slope(0.3, gravity=0.0), launch, max_rebounds=1, tolerance=tolerance)
-    assert descent.status == "log_full"
-    assert descent.rebounds["feature"][0] == Feature.CHORD
-    exact = simulate(body, law, Slope(0.3, gravity=0.0), launch, max_rebounds=1).state
-    assert list(descent.state) == pytest.approx(list(exact), rel=1e-6, abs=1e-6)
-
-
-GRAZED = [
-    pytest.param(
-        (41.08471118277695, 0.1280821881985839, 0.09177027427792224, 0.2163463318737968, 0.8592219248860955),
-        (40628626593.574974, 0.5237329728455865, 1.970828444838983, 0.0, 0.0),
-        (0.059128395861657745, math.inf, 0.0),
-        (0.0, 0.008129156252609402, math.pi, -0.6837432171752742, -3.0671469512688097, 31.619718277267566),
-        id="it rises and comes down: the first guess of its touch is where it still rises",
-    ),
-    pytest.param(
-        (0.23940978222569032, 0.011360166805379665, 0.008738184327004158, 9.530465334282244e-06, 2.682658939970875),
-        (6939.830622217511, 0.7383577417927348, 0.5711215690152762, 0.003745519611505869, 4.969784864109334e-05),
-        (0.22182210313258, math.inf, 9.81),
-        (0.0, 0.01892286200576805, math.pi, -1.5650815725194742, -0.18976574489157932, 37.708289120315904),
-        id="it leaves at rest",
-    ),
-]
-
-
-@pytest.mark.parametrize(("body", "law", "slope", "launch"), GRAZED)
-def test_a_corner_that_grazes_does_not_touch_for_ever(
-    body: tuple[float, ...], law: tuple[float, ...], slope: tuple[float, ...], launch: tuple[float, ...]
-) -> None:
-    """Oracle: a contact of two springs has few events. These took a million, touching and leaving."""
-    given = segment(*body), ContactLaw(*law), Slope(*slope), np.array([launch])
-    batch = simulate_batch(*given, Settings(max_rebounds=1, max_time=0.3))
-    assert batch.status[0] == "log_full"
-    assert batch.outcomes["steps"][0] < 40
 
 
 @pytest.mark.jit_only
@@ -539,7 +335,7 @@ def test_the_mirror_image_descends_as_the_mirror_image_bit_for_bit(solver: Solve
     rng = np.random.default_rng(22)
     mirror = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
     touched = 0
-    for _ in range(20):
+    for _ in range(8):
         body, laws, slopes, launches = random_lanes(rng, 50, near=True)
         slopes[:, 1] = math.inf
         image = slopes * [-1.0, 1.0, 1.0]
@@ -556,4 +352,4 @@ def test_the_mirror_image_descends_as_the_mirror_image_bit_for_bit(solver: Solve
         swapped = np.array([Feature.NONE, Feature.ARC, Feature.TAIL, Feature.NOSE, Feature.CHORD])
         assert np.array_equal(swapped[one.rebounds["feature"]], other.rebounds["feature"])
         touched += np.count_nonzero((one.rebounds["feature"] == Feature.CHORD).any(axis=1))
-    assert touched > 500
+    assert touched > 200

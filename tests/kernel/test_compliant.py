@@ -9,21 +9,22 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Feature, Mode, Status
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
-from tests.oracles import DATA_FILE, wheel_table
+from tests.oracles import DATA_FILE
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=50)  # the first call compiles
 REFERENCE = json.loads(DATA_FILE.read_text())
 RECORDED = {
     "time": "t",
@@ -111,8 +112,8 @@ def test_bodies_at_the_limits_of_the_model_agree_with_extended_precision(case: d
     )
 
 
-@pytest.mark.parametrize("restitution", [0.3, 0.5, 0.9, 1.0])
-@pytest.mark.parametrize("nu", [30.0, 300.0, 1e4])
+@pytest.mark.parametrize("restitution", [0.3, 0.9, 1.0])
+@pytest.mark.parametrize("nu", [30.0, 1e4])
 def test_a_vertical_bounce_loses_height_in_the_compression_too(restitution: float, nu: float) -> None:
     """Oracle: v_out^2 = e^2 v^2 - 2 G x_max (1 - e^2), physics.md, section 5, by the energy of each half."""
     mass, gravity, k_closing = 2.0, 9.81, 1e6
@@ -194,7 +195,7 @@ def test_the_worked_example_converges_to_its_rigid_limit_like_the_root_of_the_co
 
 
 @pytest.mark.parametrize("restitution", [0.4, 0.8, 1.0])
-@pytest.mark.parametrize("phi", [0.4, -1.2, 2.5])
+@pytest.mark.parametrize("phi", [0.4, -1.2])
 def test_a_frictionless_rebound_converges_to_the_textbook_energy(restitution: float, phi: float) -> None:
     """Oracle: the loss (1 - e^2) v_n^2/(2 W_nn), which a stiff contact approaches like c^-1/2."""
     a = 0.05 * math.sin(phi)
@@ -214,98 +215,93 @@ def test_a_frictionless_rebound_converges_to_the_textbook_energy(restitution: fl
         assert distances[-1] < 1e-5 * expected
 
 
-@pytest.mark.parametrize("phi", [0.0, 0.3])
-def test_a_sphere_at_45_degrees_rebounds_as_published(phi: float) -> None:
-    """Oracle: r = 2.5 mm, 3.9 m/s, e = .98, f = .092 (physics.md, section 9); concentric: exact at any stiffness."""
-    radius = 2.5e-3
-    sphere = segment(1e-3, radius, 0.0, 0.4e-3 * radius**2)
-    law = ContactLaw.from_restitution(0.98, stiffness=1e6, friction=0.092, rolling_arm=0.0)
-    speed = 3.9 * math.sqrt(0.5)
-    row = struck(sphere, law, phi, speed, -speed, 0.0)
-    assert row["u_after"] / speed == pytest.approx(0.81784, abs=5e-9)
-    assert abs(row["omega_after"]) == pytest.approx(502.3456, abs=5e-5)
-    assert row["v_after"] == pytest.approx(0.98 * speed, rel=1e-12)
-    assert row["mode"] == Mode.SLIDE_ROLL
+SPHERE = segment(1e-3, 2.5e-3, 0.0, 0.4e-3 * 2.5e-3**2)
+FAST, FALL = 3.9 * math.sqrt(0.5), math.sqrt(9.81)  # [m/s]
+GLANCING, STEEPER = (
+    (3.9 * math.sin(math.radians(angle)), -3.9 * math.cos(math.radians(angle)), 0.0) for angle in (32.519, 32.521)
+)
+ROOT = math.sqrt(1.0 / 3.0)
+DIGITS = (1e-7, 1e-7, 1e-6)
+# Body, friction, rolling arm, restitution, phi, entry and mode; what is published of u, v and omega; how near to that
+# rigid surfaces come, and compliant ones of 1e14 N/m.
+PUBLISHED: dict[str, tuple[Any, ...]] = {
+    "paper": (
+        *(PAPER, 0.1, 1e-3, ROOT, math.pi / 4, (0.0, -10.0, 0.0), Mode.SLIDE_ROLL),
+        *((1.3940608, 3.9406078, -51.842096), DIGITS, (1e-5, 4e-5, 5e-4)),
+    ),
+    "rod of Nikravesh": (
+        *(rod(1.0, 1.0, 0.01), 0.0, 0.0, 0.95, math.pi / 4, (0.0, -6.5, 0.0), None),
+        *((0.0, -6.2514706, -17.5736832), (1e-14, 5e-8, 5e-8), (1e-12, 1e-6, 1e-5)),
+    ),
+    "disc of Siconos": (  # whose file has 2.781135, the speed after a fall shortened by its time step of 5 ms
+        *(segment(1.0, 0.5, 0.0, 0.1), 0.1, 0.0, 0.9, 0.0, (0.0, -FALL, 2.0), Mode.STOP_ROLL),
+        *((-2.0 / 7.0, 0.9 * FALL, 4.0 / 7.0), (1e-12, 1e-12, 1e-12), (1e-12, 1e-12, 1e-12)),
+    ),
+    "sphere": (
+        *(SPHERE, 0.092, 0.0, 0.98, 0.3, (FAST, -FAST, 0.0), Mode.SLIDE_ROLL),
+        *((0.81784 * FAST, 0.98 * FAST, -502.3456), (1e-8, 1e-11, 5e-5), (1e-8, 1e-11, 5e-5)),
+    ),
+    "sphere that rolls": (SPHERE, 0.092, 0.0, 0.98, 0.0, GLANCING, Mode.STOP_ROLL, None),
+    "sphere that slides": (SPHERE, 0.092, 0.0, 0.98, 0.0, STEEPER, Mode.SLIDE_ROLL, None),
+}
 
 
-def test_a_sphere_slides_throughout_above_the_published_angle() -> None:
-    """Oracle: gross sliding above 32.520 degrees from the normal: tan = 3.5 f (1 + e)."""
-    radius = 2.5e-3
-    sphere = segment(1e-3, radius, 0.0, 0.4e-3 * radius**2)
-    law = ContactLaw.from_restitution(0.98, stiffness=1e6, friction=0.092, rolling_arm=0.0)
-    for degrees, mode in ((32.519, Mode.STOP_ROLL), (32.521, Mode.SLIDE_ROLL)):
-        angle = math.radians(degrees)
-        row = struck(sphere, law, 0.0, 3.9 * math.sin(angle), -3.9 * math.cos(angle), 0.0)
-        assert row["mode"] == mode
+@pytest.mark.parametrize("case", PUBLISHED)
+def test_published_impacts_come_out(case: str) -> None:
+    """Oracle: physics.md, section 9; concentric bodies rebound so at any stiffness, others in the stiff limit."""
+    body, friction, arm, restitution, phi, entry, mode, published, *within = PUBLISHED[case]
+    law = ContactLaw.from_restitution(restitution, stiffness=1e14, friction=friction, rolling_arm=arm)
+    row = struck(body, law, phi, *entry)
+    rigid = rigid_impact(body, law, State(0.0, 1.0, phi, *entry))
+    assert mode is None or rigid.mode is Mode(row["mode"]) is mode
+    if published:
+        compliant = [row[f"{name}_after"] for name in ("u", "v", "omega")]
+        for found, near in zip((rigid.state[3:], compliant), within, strict=True):
+            assert (np.abs(np.array(found) - published) <= near).all()
+    if case == "paper":
+        assert rigid.normal_impulse == pytest.approx(13.940608, abs=1e-6)
+        assert rigid.loss_hysteresis == pytest.approx(44.189956 * (1.0 - restitution**2), abs=1e-6)
+        assert [(one.slip, one.spin, one.restitution) for one in rigid.phases] == [(-1, -1, False), (-1, -1, True)]
 
 
-def test_the_disc_of_siconos_rebounds_rolling() -> None:
-    """Oracle: e = .9, f = .1, omega = 2, a fall of .5 m: v = 2.818883, omega = 4/7, |u| = 2/7 (physics.md, section 9).
-
-    Gravity acts through the impact: v_out^2 lacks 2 g x_max (1 - e^2), 2e-6 of it at 1e12 N/m.
-    """
-    disc = segment(1.0, 0.5, 0.0, 0.1)
-    law = ContactLaw.from_restitution(0.9, stiffness=1e12, friction=0.1, rolling_arm=0.0)
-    descent = exactly(disc, law, Slope(0.0), State(0.0, 1.0, 0.0, 0.0, 0.0, 2.0), max_rebounds=1)
-    row = descent.rebounds[0]
-    assert row["v_after"] == pytest.approx(2.818883, abs=3e-6)
-    assert row["omega_after"] == pytest.approx(4.0 / 7.0, rel=1e-12)
-    assert abs(row["u_after"]) == pytest.approx(2.0 / 7.0, rel=1e-12)
-    assert row["mode"] == Mode.STOP_ROLL
-    assert row["t"] - row["duration"] == pytest.approx(math.sqrt(1.0 / 9.81), rel=1e-14)
-
-
-def test_the_rod_of_nikravesh_rebounds_as_published() -> None:
-    """Oracle: L = 2, m = 1, J = .01, 45 degrees, ydot = -6.5, e = .95, f = 0: physics.md, section 9."""
-    body = rod(1.0, 1.0, 0.01)
-    speeds, spins = [], []
-    stiffnesses = np.geomspace(1e10, 1e16, 4)
-    for c in stiffnesses:
-        law = ContactLaw.from_restitution(0.95, stiffness=c, friction=0.0, rolling_arm=0.0)
-        row = struck(body, law, math.radians(45.0), 0.0, -6.5, 0.0)
-        speeds.append(row["v_after"])
-        spins.append(abs(row["omega_after"]))
-    assert speeds[-1] == pytest.approx(-6.2514706, abs=1e-6)
-    assert spins[-1] == pytest.approx(17.5736832, abs=1e-5)
-    assert slope_of_errors(np.abs(np.array(speeds) + 6.25147058823529), stiffnesses) == pytest.approx(-0.5, abs=0.025)
-
-
-@property_of_all
 @given(
     st.floats(0.05, 1.0),
     st.floats(0.0, 1.5),
     st.floats(0.0, 0.6),
     st.floats(0.05, 1.0),
-    st.floats(0.01, 10.0),
+    st.floats(-10.0, 10.0),
     st.floats(-10.0, -0.1),
+    st.one_of(st.just(0.0), st.floats(-20.0, 20.0)),
 )
-def test_a_wheel_without_spin_rebounds_as_the_corrected_table_says(
-    inertia: float, friction: float, arm: float, restitution: float, u: float, v: float
+def test_a_wheel_rebounds_as_the_completed_table_says(
+    inertia: float, friction: float, arm: float, restitution: float, u: float, v: float, omega: float
 ) -> None:
-    """Oracle: the row of Table 1 that exists (physics.md, section 3); concentric: exact at any stiffness."""
-    mass, radius = 2.0, 0.5
-    rows = wheel_table(mass, inertia, radius, friction, arm, restitution, u, v)
-    assume(len(rows) == 1)  # two on a boundary, where they coincide
-    expected = rows[0]
+    """Oracle: closed_forms.wheel, held against exact rules in its own test; concentric: exact at any stiffness."""
+    expected = collide_wheel(2.0, inertia, 0.5, friction, arm, restitution, u, v, omega)
     law = ContactLaw.from_restitution(restitution, stiffness=1e5, friction=friction, rolling_arm=arm)
-    row = struck(segment(mass, radius, 0.0, inertia), law, 0.0, u, v, 0.0)
-    assert row["u_after"] == pytest.approx(expected.u, abs=1e-12 * (u - v))
-    assert row["omega_after"] == pytest.approx(expected.omega, abs=1e-11 * (u - v) / inertia)
+    row = struck(segment(2.0, 0.5, 0.0, inertia), law, 0.0, u, v, omega)
+    speed = abs(u) - v + abs(omega)
+    assert row["u_after"] == pytest.approx(expected.u, abs=1e-11 * speed)
+    assert row["omega_after"] == pytest.approx(expected.omega, abs=1e-11 * speed / inertia)
     assert row["v_after"] == pytest.approx(-restitution * v, rel=1e-11)
-    assert row["mode"] == expected.row or row["u_after"] * row["omega_after"] == pytest.approx(0.0, abs=1e-9)
+    name = Mode(row["mode"]).name.lower().replace("_", "-")
+    slip = row["u_after"] + 0.5 * row["omega_after"]
+    assert name == expected.scenario or min(map(abs, (row["u_after"], row["omega_after"], slip))) < 1e-9
 
 
-@pytest.mark.parametrize("stiffness", [1e5, 1e8])
+@pytest.mark.parametrize("stiffness", [1e5, 1e8, math.inf])
 def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: float) -> None:
     """Oracle: rolling from .185340 s at u = .454545, rest at .509684 s, x = .208507 (physics.md, section 9).
 
-    That is the rigid contact. This one starts without penetration: until it rests, half a period of w = sqrt(k+/m),
-    N = m g (1 - cos w t). Its mean is m g, so that all later velocities are the same; x gains 2 f g/w^2.
+    That is the rigid contact. A compliant one starts without penetration: until it rests, half a period of
+    w = sqrt(k+/m), N = m g (1 - cos w t). Its mean is m g, so that later velocities are the same; x gains 2 f g/w^2.
     """
     u0, f, g, r, delta, inertia = 1.0, 0.3, 9.81, 0.5, 0.1, 0.1
-    disc = segment(1.0, r, 0.0, inertia)
-    law = ContactLaw.from_restitution(0.5, stiffness=stiffness, friction=f, rolling_arm=delta)
-    descent = exactly(disc, law, Slope(0.0), State(0.0, r, 0.0, u0, 0.0, 0.0), record="trajectory")
+    disc, solver = segment(1.0, r, 0.0, inertia), "compliant" if stiffness < math.inf else "rigid"
+    law = ContactLaw.from_restitution(
+        0.5, stiffness=stiffness if stiffness < math.inf else 1e6, friction=f, rolling_arm=delta
+    )
+    descent = exactly(disc, law, Slope(0.0), State(0.0, r, 0.0, u0), solver=solver, record="trajectory")
     slides_until = u0 / (f * g + r * g * (f * r - delta) / inertia)
     u_rolling = u0 - f * g * slides_until
     braking = delta * g * r / (inertia + r * r)
@@ -343,7 +339,6 @@ def test_a_wheel_rolls_down_at_the_textbook_acceleration(angle: float, arm: floa
 margins = st.one_of(st.floats(0.1, 0.8), st.floats(1.25, 4.0))
 
 
-@property_of_all
 @given(st.floats(0.02, 0.6), margins, st.floats(-math.pi, math.pi), margins, st.booleans())
 def test_a_body_set_down_at_rest_stays_iff_friction_and_rolling_arm_hold_it(
     angle: float, friction_margin: float, phi: float, arm_margin: float, downhill: bool

@@ -6,18 +6,16 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sledenv import ContactLaw, Slope, State, simulate
-from sledenv.kernel.records import TAIL
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height
 from tests.bodies import rod, segment_by_share, touching
 from tests.oracles import scanned_touchdown, support
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 ROD = rod(1.0, 0.4, 0.02)
 WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
@@ -65,21 +63,18 @@ def gap_at(body: Segment, gravity: float, y: float, phi: float, v: float, omega:
     return y + t * (v - 0.5 * gravity * t) - float(support(body, np.array(phi + omega * t)))
 
 
-@property_of_all
-@given(bodies, st.sampled_from([0.0, 9.81]), st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
-def test_touchdown_is_the_first_root_of_the_gap(
-    body: Segment, gravity: float, clearance: float, phi: float, v: float, omega: float
+def check_flight(
+    body: Segment, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float, samples: int = 20_001
 ) -> None:
-    """Oracle: 20000 points of the gap, bisected; between launch and touchdown none of them lies below the surface."""
-    y, horizon = support_height(body, phi) + clearance, 2.0
+    """The touchdown is a root of the gap, and no sampled gap before it is below zero."""
     found = touchdown_time(body, gravity, y, phi, v, omega, horizon)
-    scanned, least = scanned_touchdown(body, gravity, y, phi, v, omega, horizon)
+    scanned, least = scanned_touchdown(body, gravity, y, phi, v, omega, horizon, samples)
     if found == math.inf:
         assert scanned == math.inf or scanned > horizon * (1.0 - 1e-9)
         return
-    assert found <= scanned + 1e-12
+    assert found <= scanned * (1.0 + 1e-12) + 1e-12
     assert gap_at(body, gravity, y, phi, v, omega, found) == pytest.approx(0.0, abs=1e-13 * (1.0 + abs(omega)))
-    if found < scanned - 1e-6:  # the scan saw no crossing there: a graze, or a dip between two of its points
+    if 0.0 < found < scanned - 1e-6:  # the scan saw no crossing there: a graze, or a dip between two of its points
         before, _ = scanned_touchdown(body, gravity, y, phi, v, omega, found * (1.0 - 1e-9))
         assert before == math.inf
         dip = gap_at(body, gravity, y, phi, v, omega, found + 1e-9 * (1.0 + found))
@@ -87,31 +82,48 @@ def test_touchdown_is_the_first_root_of_the_gap(
     assert least > -1e-12
 
 
-@property_of_all
+@given(bodies, st.sampled_from([0.0, 9.81]), st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
+def test_touchdown_is_the_first_root_of_the_gap(
+    body: Segment, gravity: float, clearance: float, phi: float, v: float, omega: float
+) -> None:
+    """Oracle: 20,000 points of the gap, bisected; between launch and touchdown none of them lies below the surface."""
+    check_flight(body, gravity, support_height(body, phi) + clearance, phi, v, omega, 2.0)
+
+
 @given(bodies, st.sampled_from([0.0, 9.81]), orientations, st.floats(-3.0, 3.0), st.floats(-200.0, 200.0))
 def test_a_body_that_leaves_the_surface_comes_down_at_the_first_root(
     body: Segment, gravity: float, phi: float, departure: float, omega: float
 ) -> None:
     """Oracle: the scan; a start on the surface is not a touchdown unless the body moves down."""
-    y = support_height(body, phi)
-    _, a, _ = touching(body, phi)
-    assume(abs(departure) > 1e-6)
+    assume(abs(departure) > 0.05 or departure < -1e-6)  # the scan resolves the hop
+    y, a = support_height(body, phi), touching(body, phi)[1]
     v = departure + a * omega
-    found = touchdown_time(body, gravity, y, phi, v, omega, 2.0)
-    if departure < 0.0:
-        assert found == 0.0
-        return
-    assert found > 0.0
-    scanned, _ = scanned_touchdown(body, gravity, y, phi, v, omega, 2.0)
-    if found < math.inf:
-        assert gap_at(body, gravity, y, phi, v, omega, found) == pytest.approx(0.0, abs=1e-13 * (1.0 + abs(omega)))
-    if departure > 0.05:  # the scan resolves the hop
-        assert found <= scanned + 1e-12
+    assert (touchdown_time(body, gravity, y, phi, v, omega, 2.0) == 0.0) == (departure < 0.0)
+    if departure > 0.0:
+        check_flight(body, gravity, y, phi, v, omega, 2.0)
+
+
+@pytest.mark.parametrize(("body", "omega"), [(DISC, 5000.0), (ROD, 500.0), (SEGMENT, 50.0)])
+def test_fast_spin_hides_no_root(body: Segment, omega: float) -> None:
+    """Oracle: the scan, 200 points a turn, of a slow fall: the body touches while its longest side passes below."""
+    check_flight(body, 0.0, 1.2, 0.3, -0.5, omega, 3.0, int(100 * omega))
+
+
+@pytest.mark.parametrize("body", BODIES)
+def test_without_gravity_a_body_moves_uniformly(body: Segment) -> None:
+    """Oracle: uniform motion, up to a horizon and not beyond it; with gravity, y + v t - g t^2/2 = r of a wheel."""
+    y, low = body.radius + body.eccentricity + 0.1, support_height(body, 0.4) + 0.1
+    for height, v, omega, expected in ((y, 0.0, 30.0, math.inf), (y, 1.0, 30.0, math.inf), (low, -2.0, 0.0, 0.05)):
+        assert touchdown_time(body, 0.0, height, 0.4, v, omega, 1e3) == pytest.approx(expected, rel=1e-12)
+    assert touchdown_time(body, 0.0, low, 0.4, -2.0, 0.0, 0.999 * 0.05) == math.inf
+    for height, v in ((0.5, -3.0), (1e4, 4.0)):
+        falls = (v + math.sqrt(v * v + 2.0 * 9.81 * (height - 0.1))) / 9.81
+        assert touchdown_time(WHEEL, 9.81, height, 0.0, v, 7.0, 1e3) == pytest.approx(falls, rel=1e-14)
 
 
 @pytest.mark.parametrize("clearance", [1e-15, 1e-12, 1e-9, 1e-6])
-@pytest.mark.parametrize("omega", [3.0, -3.0, 1000.0, -1000.0, 1e-3])
-@pytest.mark.parametrize("phi", [0.0, 1.0, -2.0])
+@pytest.mark.parametrize("omega", [3.0, -1000.0, 1e-3])
+@pytest.mark.parametrize("phi", [0.0, -2.0])
 def test_a_graze_is_told_from_a_miss_and_from_a_touch(clearance: float, omega: float, phi: float) -> None:
     """Oracle: gap h (1 + cos(phi + omega t)) +- clearance: never zero, or first zero where the cosine says."""
     horizon = 20.0 / abs(omega)
@@ -119,40 +131,6 @@ def test_a_graze_is_told_from_a_miss_and_from_a_touch(clearance: float, omega: f
     turned = math.acos(clearance / 0.05 - 1.0) - math.copysign(1.0, omega) * phi
     found = touchdown_time(DISC, 0.0, 0.15 - clearance, phi, 0.0, omega, horizon)
     assert abs(omega) * found == pytest.approx(turned, abs=4e-16 / math.sqrt(clearance))
-
-
-@pytest.mark.parametrize("omega", [50.0, 500.0, 5000.0])
-@pytest.mark.parametrize("body", [DISC, ROD, SEGMENT])
-def test_fast_spin_hides_no_root(body: Segment, omega: float) -> None:
-    """Oracle: the scan, 200 points a turn, of a slow fall: the body touches while its longest side passes below."""
-    y = 1.2
-    found = touchdown_time(body, 0.0, y, 0.3, -0.5, omega, 3.0)
-    samples = int(200 * 3.0 * omega / 6.0)
-    scanned, _ = scanned_touchdown(body, 0.0, y, 0.3, -0.5, omega, 3.0, samples)
-    assert found <= scanned * (1.0 + 1e-12)
-    assert gap_at(body, 0.0, y, 0.3, -0.5, omega, found) == pytest.approx(0.0, abs=1e-12 + 1e-14 * omega)
-    earlier = np.linspace(0.0, found * (1.0 - 1e-12), 400_001)
-    assert (y - 0.5 * earlier - support(body, 0.3 + omega * earlier)).min() > -1e-12
-
-
-@pytest.mark.parametrize("height", [0.5, 2.0, 1e4])
-@pytest.mark.parametrize("v", [-3.0, 0.0, 4.0])
-def test_a_wheel_falls_as_galileo_says(height: float, v: float) -> None:
-    """Oracle: y + v t - g t^2/2 = r."""
-    g, drop = 9.81, height - 0.1
-    expected = (v + math.sqrt(v * v + 2.0 * g * drop)) / g
-    assert touchdown_time(WHEEL, g, height, 0.0, v, 7.0, 1e3) == pytest.approx(expected, rel=1e-14)
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_without_gravity_a_body_that_does_not_approach_never_lands(body: Segment) -> None:
-    """Oracle: uniform motion."""
-    y = body.radius + body.eccentricity + 0.1
-    assert touchdown_time(body, 0.0, y, 0.4, 0.0, 30.0, 1e3) == math.inf
-    assert touchdown_time(body, 0.0, y, 0.4, 1.0, 30.0, 1e3) == math.inf
-    assert touchdown_time(body, 0.0, support_height(body, 0.4) + 0.1, 0.4, 0.0, 0.0, 1e9) == math.inf
-    landing = touchdown_time(body, 0.0, support_height(body, 0.4) + 0.1, 0.4, -2.0, 0.0, 1e9)
-    assert landing == pytest.approx(0.05, rel=1e-12)
 
 
 @pytest.mark.parametrize("body", BODIES)
@@ -176,19 +154,6 @@ def test_a_heavy_side_that_swings_up_lifts_the_body() -> None:
     assert touchdown_time(DISC, g, 0.05, 0.0, 0.0, 2.0 * math.sqrt(g / h), 10.0) == 0.0  # pressed down at phi = 0
 
 
-@pytest.mark.parametrize("offset", [0.05, 0.1, 0.2])
-def test_a_body_lifted_off_its_corner_lands_at_the_first_root(offset: float) -> None:
-    """Oracle: the scan of a segment that leaves its corner without speed, lifted by its spin, just beyond its arc."""
-    body = segment_by_share(1.0, 0.5, 0.0, 0.1, 0.9)
-    phi, omega = 0.9 + offset, -300.0
-    y = support_height(body, phi)
-    part, a, _ = touching(body, phi)
-    assert part == TAIL
-    found = touchdown_time(body, 9.81, y, phi, a * omega, omega, 1.0)
-    scanned, _ = scanned_touchdown(body, 9.81, y, phi, a * omega, omega, 1.0, 400_001)
-    assert found <= scanned * (1.0 + 1e-9)
-
-
 def test_a_touchdown_at_rounding_speed_is_not_below_the_surface() -> None:
     """Oracle: the gap at the touchdown of a body that rests on the surface but for rounding."""
     for departure in np.geomspace(1e-16, 1e-9, 60):
@@ -197,36 +162,6 @@ def test_a_touchdown_at_rounding_speed_is_not_below_the_surface() -> None:
             v = departure + 0.05 * math.sin(phi) * 0.2
             found = touchdown_time(DISC, 9.81, y, phi, v, 0.2, 1.0)
             assert gap_at(DISC, 9.81, y, phi, v, 0.2, found) > -1e-13
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_a_touchdown_beyond_the_horizon_is_none(body: Segment) -> None:
-    """Oracle: the touchdown itself, from a longer look."""
-    landing = touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 10.0)
-    assert touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 0.999 * landing) == math.inf
-    assert touchdown_time(body, 9.81, 3.0, 0.4, 1.0, 5.0, 1.001 * landing) == pytest.approx(landing, rel=1e-14)
-
-
-@property_of_all
-@given(bodies, st.floats(1e-6, 2.0), orientations, st.floats(-5.0, 5.0), spins)
-def test_the_mirrored_flight_lands_at_the_same_time(
-    body: Segment, clearance: float, phi: float, v: float, omega: float
-) -> None:
-    """Oracle: mirror symmetry, bit for bit."""
-    y = support_height(body, phi) + clearance
-    assert touchdown_time(body, 9.81, y, phi, v, omega, 5.0) == touchdown_time(body, 9.81, y, -phi, v, -omega, 5.0)
-
-
-@property_of_all
-@given(st.floats(0.0, 1.0), st.floats(0.3, 3.1), st.floats(1e-6, 2.0), st.floats(-5.0, 5.0))
-def test_a_mirrored_flight_without_spin_onto_the_end_of_the_arc_lands_at_the_same_time(
-    share: float, half_angle: float, clearance: float, v: float
-) -> None:
-    """Oracle: mirror symmetry, bit for bit, where arc and corner are equally low but for rounding."""
-    body = segment_by_share(1.0, 0.5, share, 0.1, half_angle)
-    y = support_height(body, half_angle) + clearance
-    found = touchdown_time(body, 9.81, y, half_angle, v, 0.0, 5.0)
-    assert found == touchdown_time(body, 9.81, y, -half_angle, v, -0.0, 5.0)
 
 
 def assorted_flights(body: Segment, seed: int) -> np.ndarray:
@@ -265,7 +200,6 @@ def test_a_flight_and_its_mirror_image_land_at_the_same_time(body: Segment) -> N
     assert touchdown_times(body, flights) == found
 
 
-@property_of_all
 @given(st.floats(-5.0, 5.0), st.floats(-20.0, 20.0), st.floats(-9.0, 9.0), st.floats(5.1, 50.0))
 def test_the_finish_is_the_first_place_at_the_end_of_the_slope(x: float, u: float, rate: float, length: float) -> None:
     """Oracle: numpy.roots, and the place at the time found."""
@@ -291,9 +225,5 @@ def test_a_slope_without_end_is_never_finished() -> None:
     assert finish_time(0.0, 2.0, 0.0, 1.0) == 0.5
     assert finish_time(0.0, 2.0, -2.0, 1.0 - 1e-12) == pytest.approx(1.0 - 1e-6, rel=1e-9)  # it just gets there
     assert finish_time(0.0, 2.0, -2.0, 1.0 + 1e-12) == math.inf
-
-
-def test_the_finish_of_a_long_climb_is_exact() -> None:
-    """Oracle: 50 digits by mpmath: up the slope for 1 m/s, and back past the start by 1 nm."""
-    found = finish_time(0.0, -10.0, 1.7, 1e-9)
-    assert found == pytest.approx(2.0 * 10.0 / 1.7 + 1e-9 / 10.0, rel=1e-12)
+    # Up the slope for 1 m/s, and back past the start by 1 nm.
+    assert finish_time(0.0, -10.0, 1.7, 1e-9) == pytest.approx(2.0 * 10.0 / 1.7 + 1e-9 / 10.0, rel=1e-12)

@@ -7,7 +7,7 @@ from itertools import product
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from sledenv import segment
@@ -16,7 +16,6 @@ from sledenv.kernel.geometry import ARC_PIECE
 from tests.compiled import compiled
 from tests.engine import Spring, incline, new_space, pieces_of, put, record_of, touch
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 Signs = tuple[int, int]
 choose_mode, PLANE = compiled(mode.choose), pieces_of([])
 SIGNS = (-1, 0, 1)
@@ -60,7 +59,6 @@ def choose(
     )
 
 
-@property_of_all
 @given(arms, heights, inertias, frictions, rolling_arms, st.sampled_from((-1, 1)))
 def test_slip_sticks_iff_friction_suffices(
     a: float, b: float, inertia: float, friction: float, arm: float, spin: int
@@ -72,7 +70,6 @@ def test_slip_sticks_iff_friction_suffices(
     assert (slip == 0) == (needed <= friction)
 
 
-@property_of_all
 @given(arms, heights, inertias, frictions, rolling_arms, st.sampled_from((-1, 1)))
 def test_stopped_rotation_lasts_iff_the_rolling_arm_suffices(
     a: float, b: float, inertia: float, friction: float, arm: float, slip: int
@@ -84,7 +81,6 @@ def test_stopped_rotation_lasts_iff_the_rolling_arm_suffices(
     assert (spin == 0) == (needed <= arm)
 
 
-@property_of_all
 @given(arms, heights, inertias, st.floats(1e-3, 3.0), st.floats(1e-3, 0.5))
 def test_a_body_without_drive_is_stuck_iff_its_arm_is_within_the_rolling_arm(
     a: float, b: float, inertia: float, friction: float, arm: float

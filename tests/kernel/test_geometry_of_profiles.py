@@ -7,7 +7,7 @@ from bisect import bisect_right
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv.kernel import contacts, geometry
@@ -15,7 +15,6 @@ from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
 from tests.compiled import compiled
 from tests.engine import BODIES, Spring, new_space, pieces_of, put, record_of, touch
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=200)  # the first call compiles
 first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 place, velocities = compiled(geometry.place), compiled(geometry.velocities)
 touching_place, in_cone = compiled(geometry.touching_place), compiled(geometry.in_cone)
@@ -46,7 +45,6 @@ def test_a_plane_is_one_piece_without_an_end() -> None:
     assert (piece["low"], piece["high"], piece["run_low"], piece["run_high"]) == (-math.inf, math.inf) * 2
 
 
-@property_of_all
 @given(profiles)
 def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> None:
     """Oracle: numpy on the list of vertices; outside of them the plane goes on level."""
@@ -64,7 +62,6 @@ def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> No
     np.testing.assert_allclose(pieces["high"], [0.0, *lengths[1:-1], math.inf], rtol=1e-14)
 
 
-@property_of_all
 @given(profiles)
 def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
     """Oracle: from each piece on to the next crest on either side, its vertex laid on the line of the piece.
@@ -86,7 +83,6 @@ def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
         np.testing.assert_allclose([piece["run_low"], piece["run_high"]], ends, atol=1e-13)
 
 
-@property_of_all
 @given(profiles, st.floats(-3.0, 15.0), st.integers(0, 11))
 def test_the_piece_over_which_a_place_lies(along: list[tuple[float, float]], x: float, at: int) -> None:
     """Oracle: bisect; a vertex belongs to the piece that begins there."""
@@ -97,7 +93,6 @@ def test_the_piece_over_which_a_place_lies(along: list[tuple[float, float]], x: 
         assert max(first_piece(pieces, place_), 1) == max(expected, 1)  # the first two begin at the same vertex
 
 
-@property_of_all
 @given(profiles, st.floats(-3.0, 15.0), st.floats(0.0, 4.0))
 def test_the_lowest_and_highest_ground_near_a_place(along: list[tuple[float, float]], x: float, reach: float) -> None:
     """Oracle: numpy's interpolation, at the ends and at the vertices between."""
@@ -219,7 +214,6 @@ def test_sides_go_from_arc_to_arc(name: str) -> None:
         assert bool(body["smooth"][k]) == (body["length"][k] == 0.0)
 
 
-@property_of_all
 @given(st.floats(-4.0, 4.0), st.floats(0.0, 1.5))
 def test_an_arc_faces_what_lies_in_its_angle(relative: float, distance: float) -> None:
     """Oracle: a plane under the body, turned by the same angle, has that arc as the lowest one."""
@@ -234,7 +228,6 @@ def test_an_arc_faces_what_lies_in_its_angle(relative: float, distance: float) -
         assert beyond(BLOCK, arc, relative) == (0 if abs(turned) <= half else math.copysign(1, turned))
 
 
-@property_of_all
 @given(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1))
 def test_a_centre_over_a_crest_lies_between_the_normals_of_its_pieces(direction: float, phi: float) -> None:
     """Oracle: the angle of the normal on the crest lies between those of its pieces."""

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
@@ -17,9 +17,7 @@ from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
 from sledenv.kernel.params import Incline
 from tests.compiled import compiled
 from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
-from tests.oracles import box_rule
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=300)  # the first call compiles
 choose = compiled(mode.choose)
 BLOCK = record_of(BODIES["block"])
 PLANE, ROOF = pieces_of([]), pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])
@@ -203,54 +201,6 @@ def check_laws(scene: Scene, space: Any) -> None:
 # --- one contact -----------------------------------------------------------------------------------------------------
 
 
-@property_of_all
-@given(st.floats(-3.0, 3.0), angles, springs, speeds, st.sampled_from([(1,), (-1,), (1, -1)]))
-def test_one_contact_obeys_the_box_rule(
-    phi: float, angle: float, spring: Spring, speed: tuple[float, ...], zeros: tuple[int, ...]
-) -> None:
-    """Oracle: the box rule of physics.md, sections 4 and 5, by coordinate descent."""
-    scene = Scene(PLANE, incline(angle), (0.0, 0.5, phi), speed, [(ARC_PIECE, 1, 0)], [spring], zeros)
-    space = prepared(scene)
-    contact, omega = space["contacts"]["at"][0], float(space["motion"]["omega"])
-    assume(abs(contact["gap_rate"]) > 1e-3 and (1 in zeros or abs(contact["slip"]) > 1e-3))
-    assume(-1 in zeros or abs(omega) > 1e-3)
-    assume(spring.arm > 0.0 or 1 in zeros)
-    (normal,) = loads_of_moving_gaps(space)
-    normal_row, slip_row = rows_of(space)
-    pushes = np.array([slip_row, SPIN_ROW])
-    w = pushes @ (pushes / MASSES).T
-    start = free(scene) + normal_row * normal / MASSES
-    rates = pushes @ start + [drifts(scene, space)[1], 0.0]
-    bounds = (spring.friction * normal, spring.arm * normal)
-    pinned = tuple(
-        None if zero in zeros else -math.copysign(bound, v)
-        for zero, bound, v in ((1, bounds[0], contact["slip"]), (-1, bounds[1], omega))
-    )
-    forces, _ = box_rule(w, rates, bounds, pinned)
-    assert not choose(BLOCK, PLANE, scene.slope, space)
-    same_acceleration(chosen(space), start + pushes.T @ forces / MASSES)
-
-
-@property_of_all
-@given(
-    st.sampled_from(ANYWHERE), poses, angles, springs, speeds, st.sampled_from([(0,), (0, 1), (0, -1), (1,), (1, -1)])
-)
-def test_forces_of_one_contact_are_within_their_bounds(
-    feature: Features,
-    pose: tuple[float, ...],
-    angle: float,
-    spring: Spring,
-    speed: tuple[float, ...],
-    zeros: tuple[int, ...],
-) -> None:
-    """Oracle: the laws of physics.md, section 5, read off the forces; a gap rate that is zero counts among them."""
-    scene = Scene(ROOF, incline(angle), pose, speed, [feature], [spring], zeros)
-    space = prepared(scene)
-    choose(BLOCK, ROOF, scene.slope, space)
-    assume(space["choice"]["zeros"] > 0)
-    check_laws(scene, space)
-
-
 @pytest.mark.parametrize("angle", [0.0, 0.1, 0.4])
 @pytest.mark.parametrize("speed", [0.0, 1.0])
 def test_a_touch_without_depth_has_no_force_yet(angle: float, speed: float) -> None:
@@ -280,32 +230,35 @@ def test_where_e_is_one_and_nothing_rubs_there_is_nothing_to_choose(zeros: tuple
     assert contact["gap_still"] == contact["slip_still"] == space["contacts"]["spin_still"] == 0
 
 
-# --- several contacts ------------------------------------------------------------------------------------------------
-
-several = st.lists(st.sampled_from(ANYWHERE), min_size=2, max_size=3, unique=True)
+# --- contacts at random ----------------------------------------------------------------------------------------------
 
 
-@property_of_all
-@given(
-    several,
-    st.lists(springs, min_size=3, max_size=3),
-    poses,
-    angles,
-    speeds,
-    st.lists(st.sampled_from([1, 3, -1]), min_size=1, max_size=2, unique=True),
-)
-def test_friction_of_several_contacts_makes_the_least_of_gauss_function(
-    features: list[Features],
-    each: list[Spring],
-    pose: tuple[float, ...],
-    angle: float,
-    speed: tuple[float, ...],
-    zeros: list[int],
-) -> None:
+def scenes(zeros: list[int], each: st.SearchStrategy[Spring] = springs, least: int = 1) -> st.SearchStrategy[Scene]:
+    """Scenes of the block on the roof, with one to three contacts and some of the velocities zero."""
+    return st.builds(
+        lambda features, each, pose, angle, speed, zeros: Scene(
+            ROOF,
+            incline(angle),
+            pose,
+            speed,
+            features,
+            each[: len(features)],
+            [zero for zero in zeros if zero < 2 * len(features)],
+        ),
+        st.lists(st.sampled_from(ANYWHERE), min_size=1, max_size=3, unique=True),
+        st.tuples(each, each, each),
+        poses,
+        angles,
+        speeds,
+        st.lists(st.sampled_from(zeros), min_size=least, max_size=3, unique=True),
+    )
+
+
+@given(scenes([1, 3, -1]))
+def test_friction_makes_the_least_of_gauss_function(scene: Scene) -> None:
     """Oracle: a least-squares problem with bounds, by scipy; gap rates are not zero, so that bounds are known."""
-    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
     space = prepared(scene)
-    at = space["contacts"]["at"][: len(features)]
+    at = space["contacts"]["at"][: len(scene.features)]
     assume(np.all(abs(at["gap_rate"]) > 1e-3))
     assume(np.all((abs(at["slip"]) > 1e-3) | (at["slip"] == 0.0)) and not 0.0 < abs(space["motion"]["omega"]) < 1e-3)
     expected = friction_oracle(scene, space)
@@ -315,28 +268,11 @@ def test_friction_of_several_contacts_makes_the_least_of_gauss_function(
     check_laws(scene, space)
 
 
-@property_of_all
-@given(
-    several,
-    st.lists(springs, min_size=3, max_size=3),
-    poses,
-    angles,
-    speeds,
-    st.lists(st.sampled_from([0, 2]), min_size=1, max_size=2, unique=True),
-)
-def test_springs_without_friction_make_the_least_of_gauss_function(
-    features: list[Features],
-    each: list[Spring],
-    pose: tuple[float, ...],
-    angle: float,
-    speed: tuple[float, ...],
-    zeros: list[int],
-) -> None:
+@given(scenes([0, 2], springs.map(lambda spring: spring._replace(friction=0.0, arm=0.0))))
+def test_springs_without_friction_make_the_least_of_gauss_function(scene: Scene) -> None:
     """Oracle: a least-squares problem with bounds, by scipy: loads between the two stiffnesses of each spring."""
-    each = [spring._replace(friction=0.0, arm=0.0) for spring in each[: len(features)]]
-    scene = Scene(ROOF, incline(angle), pose, speed, features, each, zeros)
     space = prepared(scene)
-    at = space["contacts"]["at"][: len(features)]
+    at = space["contacts"]["at"][: len(scene.features)]
     assume(np.all((abs(at["gap_rate"]) > 1e-3) | (at["gap_rate"] == 0.0)))
     zero = np.asarray(at["gap_rate"] == 0.0)
     rows, turning = np.array(rows_of(space))[0::2], drifts(scene, space)[0::2]
@@ -349,26 +285,11 @@ def test_springs_without_friction_make_the_least_of_gauss_function(
     same_acceleration(chosen(space), expected)
 
 
-@property_of_all
 @given(
-    several,
-    st.lists(springs, min_size=3, max_size=3),
-    poses,
-    angles,
-    speeds,
-    st.lists(st.sampled_from([0, 1, 2, 3, -1]), min_size=1, max_size=2, unique=True),
+    scenes([0, 1, 2, 3, -1], springs.map(lambda one: one._replace(friction=min(one.friction, 0.3), arm=0.3 * one.arm)))
 )
-def test_forces_of_several_contacts_are_within_their_bounds(
-    features: list[Features],
-    each: list[Spring],
-    pose: tuple[float, ...],
-    angle: float,
-    speed: tuple[float, ...],
-    zeros: list[int],
-) -> None:
+def test_forces_are_within_their_bounds(scene: Scene) -> None:
     """Oracle: the laws of physics.md, section 5, read off the forces; gap rates that are zero count among them."""
-    each = [spring._replace(friction=min(spring.friction, 0.3), arm=0.3 * spring.arm) for spring in each]
-    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
     space = prepared(scene)
     choose(BLOCK, ROOF, scene.slope, space)
     assume(space["choice"]["zeros"] > 0)
@@ -480,48 +401,41 @@ holding = st.builds(
     st.one_of(st.just(0.0), st.floats(0.05, 1.0)),
     st.one_of(st.just(0.0), st.floats(0.01, 0.3)),
 )
-EVERYTHING = (0, 1, 2, 3, 4, 5, -1)
+STILL = (0.0, 0.0, 0.0)
+UNDER_A_SIDE: list[Features] = [*FLAT, (SIDE_CREST, 1, 2)]
+LAID: dict[str, st.SearchStrategy[Scene]] = {
+    "on one contact": st.builds(
+        lambda phi, angle, one: Scene(
+            PLANE, incline(angle), (0.0, 0.3, phi), STILL, [(ARC_PIECE, 1, 0)], [one], (0, 1, -1)
+        ),
+        st.floats(-1.5, -0.6),
+        angles,
+        holding,
+    ),
+    "flat": st.builds(  # all locks depend on each other
+        lambda angle, each: Scene(PLANE, incline(angle), (0.0, 0.3, 0.0), STILL, FLAT, each, (0, 1, 2, 3, -1)),
+        angles,
+        st.tuples(holding, holding),
+    ),
+    "on several contacts": st.builds(
+        lambda scene: scene._replace(velocity=STILL, zeros=[*range(2 * len(scene.features)), -1]), scenes([-1], holding)
+    ),
+    "with a crest under its side": st.builds(
+        lambda angle, each, x: Scene(
+            ROOF, incline(angle), (x, 0.8, 0.0), STILL, UNDER_A_SIDE, each, (0, 1, 2, 3, 4, 5, -1)
+        ),
+        angles,
+        st.tuples(holding, holding, holding),
+        st.floats(0.3, 0.7),
+    ),
+}
 
 
-@property_of_all
-@given(st.floats(-1.5, -0.6), angles, holding)
-def test_a_body_on_one_contact_rests_if_a_wrench_balances_its_weight(phi: float, angle: float, spring: Spring) -> None:
-    """Oracle: a linear programme over the wrenches that the contact offers, by scipy."""
-    rests_where_it_should(
-        Scene(PLANE, incline(angle), (0.0, 0.3, phi), (0.0,) * 3, [(ARC_PIECE, 1, 0)], [spring], (0, 1, -1))
-    )
-
-
-@property_of_all
-@given(angles, st.tuples(holding, holding))
-def test_a_block_that_lies_flat_rests_if_wrenches_balance_its_weight(angle: float, each: tuple[Spring, Spring]) -> None:
-    """Oracle: a linear programme over the wrenches that both contacts offer; all locks depend on each other."""
-    rests_where_it_should(Scene(PLANE, incline(angle), (0.0, 0.3, 0.0), (0.0,) * 3, FLAT, each, (0, 1, 2, 3, -1)))
-
-
-@property_of_all
-@given(
-    st.lists(st.sampled_from(ANYWHERE), min_size=2, max_size=3, unique=True),
-    st.tuples(holding, holding, holding),
-    poses,
-    angles,
-)
-def test_a_body_on_several_contacts_rests_if_wrenches_balance_its_weight(
-    features: list[Features], each: tuple[Spring, ...], pose: tuple[float, ...], angle: float
-) -> None:
+@pytest.mark.parametrize("laid", LAID)
+@given(st.data())
+def test_a_body_rests_if_a_wrench_balances_its_weight(laid: str, data: st.DataObject) -> None:
     """Oracle: a linear programme over the wrenches that all contacts offer, by scipy."""
-    zeros = [zero for zero in EVERYTHING if zero < 2 * len(features)]
-    rests_where_it_should(Scene(ROOF, incline(angle), pose, (0.0,) * 3, features, each[: len(features)], zeros))
-
-
-@property_of_all
-@given(angles, st.tuples(holding, holding, holding), st.floats(0.3, 0.7))
-def test_a_block_with_a_crest_under_its_side_rests_if_wrenches_balance_its_weight(
-    angle: float, each: tuple[Spring, ...], x: float
-) -> None:
-    """Oracle: a linear programme over the wrenches of three contacts with one normal."""
-    features = [(ARC_PIECE, 1, 0), (ARC_PIECE, 2, 0), (SIDE_CREST, 1, 2)]
-    rests_where_it_should(Scene(ROOF, incline(angle), (x, 0.8, 0.0), (0.0,) * 3, features, each, EVERYTHING))
+    rests_where_it_should(data.draw(LAID[laid]))
 
 
 def test_a_body_that_moves_does_not_rest() -> None:
@@ -546,35 +460,18 @@ def mirrored(scene: Scene) -> Scene:
     return scene._replace(slope=slope, pose=(-x, y, -phi), velocity=(-u, v, -omega), features=image)
 
 
-@property_of_all
-@given(
-    st.lists(st.sampled_from(ANYWHERE), min_size=1, max_size=3, unique=True),
-    st.tuples(springs, springs, springs),
-    poses,
-    angles,
-    speeds,
-    st.lists(st.sampled_from([0, 1, 2, 3, -1]), max_size=3, unique=True),
-)
-def test_mirror_images_choose_mirrored_modes(
-    features: list[Features],
-    each: tuple[Spring, ...],
-    pose: tuple[float, ...],
-    angle: float,
-    speed: tuple[float, ...],
-    zeros: list[int],
-) -> None:
+@given(scenes([0, 1, 2, 3, -1], least=0))
+def test_mirror_images_choose_mirrored_modes(scene: Scene) -> None:
     """Oracle: the image of the mode: slips and spin have the other sign.
 
     Of a body that lies level neither image comes first: shares that are not unique are then the same in both.
     """
-    assume(abs(pose[2]) > 1e-3)
-    zeros = [zero for zero in zeros if zero < 2 * len(features)]
-    scene = Scene(ROOF, incline(angle), pose, speed, features, each[: len(features)], zeros)
+    assume(abs(scene.pose[2]) > 1e-3)
     spaces = [prepared(scene), prepared(mirrored(scene))]
     rests = [choose(BLOCK, ROOF, one.slope, space) for one, space in zip((scene, mirrored(scene)), spaces, strict=True)]
     assert rests[0] == rests[1]
     one, two = (space["contacts"] for space in spaces)
-    for c in range(len(features)):
+    for c in range(len(scene.features)):
         assert one["at"][c]["gap_sign"] == two["at"][c]["gap_sign"]
         assert one["at"][c]["slip_sign"] == -two["at"][c]["slip_sign"]
         assert one["at"][c]["gap_still"] == two["at"][c]["gap_still"]

@@ -13,11 +13,10 @@ from scipy.integrate import quad
 import sledenv
 from sledenv.simulation.settings import Solver
 from tests import outline_oracle as oracle
-from tests.bodies import same_bits
 from tests.profile_springs import follow
 from tests.profiles import LEVEL, gravity_of
 
-FAST, ALL = 40, 200  # random cases
+FAST, ALL = 12, 200  # random cases
 SEEDS = [seed if seed < FAST else pytest.param(seed, marks=pytest.mark.slow) for seed in range(ALL)]
 SOLVERS: list[Solver] = ["compliant", "rigid"]
 PRECISION = 1e-9
@@ -115,7 +114,7 @@ def test_a_random_outline_rebounds_as_in_the_oracle(seed: int, solver: Solver) -
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("seed", [68, 73, 96])
+@pytest.mark.parametrize("seed", [68, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (73, 96))])
 def test_three_points_at_once_rebound_as_springs_do(seed: int) -> None:
     """Oracle: tests/profile_springs.py, on a level without end, in the limit of no layer; it has one rolling arm."""
     body, law, slope, launch = given(oracle.random_case(seed))
@@ -132,27 +131,12 @@ def test_three_points_at_once_rebound_as_springs_do(seed: int) -> None:
         assert np.array(found) == pytest.approx(wanted, rel=0, abs=1e-7 * np.abs(wanted).max())
 
 
-def test_the_oracle_is_rarely_without_an_answer_and_sees_all_kinds_of_contact() -> None:
-    """Oracle: itself. The cases of this file touch with two points, stick, roll, rest and pass from arc to arc."""
-    unsupported = 0
-    rebounds: list[oracle.Rebound] = []
-    for seed in range(100, 100 + FAST // 2):
-        try:
-            found = expected(oracle.random_case(seed), "compliant")
-        except oracle.Unsupported:
-            unsupported += 1
-            continue
-        rebounds += found.rebounds
-    assert unsupported <= 0.05 * FAST
-    assert sum(one.both for one in rebounds) >= 3
-    assert sum(one.locked for one in rebounds) >= 8
-
-
 @pytest.mark.jit_only
+@pytest.mark.parametrize("count", [25, pytest.param(200, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("solver", SOLVERS)
-def test_many_rebounds_of_random_outlines_keep_the_ledger(solver: Solver) -> None:
+def test_many_rebounds_of_random_outlines_keep_the_ledger(solver: Solver, count: int) -> None:
     """Oracle: energy is kinetic, potential, stored or lost; no descent fails."""
-    for seed in range(1000, 1000 + 5 * FAST):
+    for seed in range(1000, 1000 + count):
         descent = simulated(oracle.random_case(seed), solver, max_rebounds=200, max_time=20.0)
         assert str(descent.status) in ("log_full", "jammed", "timeout", "buried"), seed
         assert abs(descent.energy.residual) <= PRECISION * descent.energy.turnover, seed
@@ -168,8 +152,7 @@ def beside_a_side(radius: float, length: float, tilt: float) -> oracle.Case:
 
 
 @pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize(("radius", "length"), [(3.0, 0.3), (30.0, 0.8)])
-@pytest.mark.parametrize("tilt", [-0.02, 0.001, 0.05, 0.4])
+@pytest.mark.parametrize(("radius", "length", "tilt"), [(3.0, 0.3, -0.02), (30.0, 0.8, 0.001), (30.0, 0.8, 0.4)])
 def test_a_flat_arc_may_end_in_a_corner_of_hardly_any_angle(
     radius: float, length: float, tilt: float, solver: Solver
 ) -> None:
@@ -180,10 +163,9 @@ def test_a_flat_arc_may_end_in_a_corner_of_hardly_any_angle(
     assert_same(simulated(case, solver), expected(case, solver), case, PRECISION)
 
 
-@pytest.mark.parametrize("tilt", [0.2, 0.4])
-def test_a_flat_arc_across_a_side_does_not_reach_beyond_its_end(tilt: float) -> None:
+def test_a_flat_arc_across_a_side_does_not_reach_beyond_its_end() -> None:
     """Oracle: the same outline with a corner at the end of the arc."""
-    case = beside_a_side(10.0, 0.5, tilt)
+    case = beside_a_side(10.0, 0.5, 0.2)
     cornered = case._replace(body=case.body._replace(arcs=oracle.with_corners(case.body.arcs)))
     wanted = expected(cornered, "compliant", max_rebounds=1)
     assert not wanted.rebounds[0].both
@@ -205,7 +187,7 @@ KEPT = ("t", "t_touchdown", "duration", "mode", "normal_impulse", "peak_force", 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_mirror_image_is_the_same_descent_bit_for_bit(solver: Solver) -> None:
     """Oracle: x turned round; a zero may have either sign."""
-    for seed in range(2000, 2000 + FAST):
+    for seed in range(2000, 2030):
         case = oracle.random_case(seed)
         one, image = (simulated(each, solver, max_rebounds=20) for each in (case, mirror(case)))
         assert str(one.status) == str(image.status), seed
@@ -213,30 +195,6 @@ def test_the_mirror_image_is_the_same_descent_bit_for_bit(solver: Solver) -> Non
             np.testing.assert_array_equal(one.rebounds[name], image.rebounds[name], err_msg=f"{seed}, {name}")
         for name in TURNED:
             np.testing.assert_array_equal(one.rebounds[name], -image.rebounds[name], err_msg=f"{seed}, {name}")
-
-
-def test_the_mirror_image_is_the_same_in_the_oracle() -> None:
-    """Oracle: x turned round, up to rounding."""
-    for seed in range(2000, 2008):
-        case = oracle.random_case(seed)
-        one, image = (expected(each, "compliant", max_rebounds=1) for each in (case, mirror(case)))
-        signs = np.array([-1.0, 1.0, -1.0, -1.0, 1.0, -1.0])
-        np.testing.assert_allclose(np.array(image.state) * signs, np.array(one.state), rtol=1e-10, atol=1e-10)
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_batch_of_bodies_is_each_of_them_bit_for_bit(solver: Solver) -> None:
-    """Oracle: the descents one by one."""
-    cases = [oracle.random_case(seed) for seed in range(3000, 3000 + FAST)]
-    settings = sledenv.Settings(solver=solver, max_rebounds=10, max_time=MAX_TIME)
-    bodies, laws, slopes, launches = (list(column) for column in zip(*map(given, cases), strict=True))
-    batch = sledenv.simulate_batch(bodies, laws, slopes, np.array(launches), settings, keep_rebounds=True)
-    for lane, one in enumerate(map(given, cases)):
-        body, law, slope, launch = one
-        descent = sledenv.simulate(body, law, slope, launch, settings)
-        same_bits(batch.outcomes[lane], descent.outcome)
-        same_bits(batch.rebounds[lane][: len(descent.rebounds)], descent.rebounds)
 
 
 # --- outlines --------------------------------------------------------------------------------------------------------
@@ -252,7 +210,7 @@ def assert_same_arcs(body: sledenv.Body, arcs: tuple[oracle.Arc, ...]) -> None:
 def test_hulls_of_circles_are_those_of_the_oracle() -> None:
     """Oracle: the circle with the largest b between all orientations at which two have the same."""
     rng = np.random.default_rng(1)
-    for _ in range(200):
+    for _ in range(50):
         circles = np.column_stack([rng.normal(size=(6, 2)), rng.uniform(0.0, 0.8, 6) * (rng.random(6) < 0.8)])
         arcs = oracle.hull([tuple(circle) for circle in circles.tolist()])
         if oracle.Outline(oracle.Body(1.0, 1.0, arcs)).lowest <= 0.0:
@@ -260,40 +218,9 @@ def test_hulls_of_circles_are_those_of_the_oracle() -> None:
         assert_same_arcs(sledenv.hull(1.0, 1.0, circles, [f"circle {k}" for k in range(6)]), arcs)
 
 
-def test_a_polygon_is_the_hull_of_its_corners_seen_from_its_centroid() -> None:
-    """Oracle: the shoelace formula; a rounded polygon has the same sides."""
-    rng = np.random.default_rng(2)
-    for _ in range(100):
-        angles = np.sort(rng.uniform(0.0, 2.0 * math.pi, 6))
-        points = np.column_stack([2.0 * np.cos(angles), np.sin(angles)]) + rng.normal(size=2)
-        if min(np.diff([*angles, angles[0] + 2.0 * math.pi])) < 0.1:
-            continue
-        x, y = points.T
-        cross = x * np.roll(y, -1) - np.roll(x, -1) * y
-        centre = ((points + np.roll(points, -1, axis=0)) * cross[:, np.newaxis]).sum(axis=0) / (3.0 * cross.sum())
-        arcs = oracle.hull([(*corner, 0.0) for corner in (points - centre).tolist()])
-        sharp = sledenv.polygon(1.0, points)
-        assert_same_arcs(sharp, arcs)
-        outline = oracle.Outline(oracle.Body(1.0, 1.0, arcs))
-        assert sharp.size == pytest.approx(outline.size)
-        assert sharp.lowest_support == pytest.approx(outline.lowest)
-        rounded = sledenv.polygon(1.0, points, 1e-3, inertia=1.0, centre=centre)
-        for one, other in zip(sharp.arcs, rounded.arcs, strict=True):
-            assert other.begin == pytest.approx(one.begin, abs=1e-12)
-            mine = oracle.Arc(*other[:4], False)
-            assert oracle.arms(mine, one.begin)[1] == pytest.approx(outline.support_height(one.begin), abs=1e-12)
-
-
 def square(side: float, mass: float = 2.0) -> sledenv.Body:
     half = 0.5 * side
     return sledenv.polygon(mass, [(half, -half), (-half, -half), (-half, half), (half, half)])
-
-
-def test_moments_of_simple_bodies() -> None:
-    """Oracle: J = m d^2/6 of a square, m l^2/12 of a rod; a segment has its nose, arc and tail."""
-    assert square(0.6).inertia == pytest.approx(2.0 * 0.6**2 / 6.0, rel=1e-14)
-    assert sledenv.rod(3.0, 0.8).inertia == pytest.approx(3.0 * 0.8**2 / 12.0, rel=1e-14)
-    assert_same_arcs(sledenv.segment(1.0, 0.5, 0.3, 0.1, 1.9), oracle.segment(0.5, 0.3, 1.9))
 
 
 # --- closed forms ----------------------------------------------------------------------------------------------------
@@ -342,42 +269,6 @@ def block(width: float, height: float, offset: float = 0.0) -> sledenv.Body:
     return sledenv.polygon(2.0, [(b, -h), (-b, -h), (-b, h), (b, h)], inertia=inertia, centre=(offset, 0.0))
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("offset", [0.0, 0.05, -0.08])
-def test_a_block_slides_down_an_incline_until_friction_tips_it(offset: float, solver: Solver) -> None:
-    """Oracle: udot = g sin(beta) - f g cos(beta); the load behind vanishes where f h/2 = the arm of the end ahead.
-
-    Loads ahead and behind are W/2 (1 +- ...) with f h/w: they balance the moment of friction about the mass centre.
-    """
-    width, height, angle = 0.4, 0.5, 0.9
-    body = block(width, height, offset)
-    most = (0.5 * width - offset) / (0.5 * height)
-    assert most < math.tan(angle)
-    for share in (0.5, 0.99, 1.01):
-        law = sledenv.ContactLaw(1e9, 0.9, share * most, 0.0)
-        slope = sledenv.Slope(angle, gravity=GRAVITY)
-        descent = sledenv.simulate(body, law, slope, laid(body, 0.0, 1.0), solver=solver, max_time=0.4)
-        if share > 1.0:
-            assert descent.state.phi < -1e-4  # over the end ahead: clockwise
-            continue
-        u = 1.0 + 0.4 * GRAVITY * (math.sin(angle) - law.friction * math.cos(angle))
-        assert descent.state.phi == pytest.approx(0.0, abs=1e-15 if solver == "rigid" else 1e-6)
-        assert descent.state.u == pytest.approx(u, abs=1e-11 if solver == "rigid" else 1e-5)
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_block_rests_on_an_incline_until_it_tips(solver: Solver) -> None:
-    """Oracle: it rests while tan(beta) <= f and tan(beta) < width/height."""
-    body = block(0.3, 0.6)
-    law = sledenv.ContactLaw(1e9, 0.9, 2.0, 0.0)
-    for share in (0.9, 0.999, 1.001):
-        slope = sledenv.Slope(math.atan(share * 0.5), gravity=GRAVITY)
-        descent = sledenv.simulate(body, law, slope, laid(body, 0.0), solver=solver, max_time=0.6)
-        assert (str(descent.status) == "jammed") == (share < 1.0), share
-        if share > 1.0:
-            assert descent.state.phi < -1e-5
-
-
 def rocking_speed(p: float, alpha: float, turned: float) -> Callable[[float], float]:
     """Spin of a block that rocks on its corner, tilted by theta, from rest at ``turned``."""
 
@@ -413,49 +304,6 @@ def test_a_block_rocks_as_housner_has_it(alpha: float, share: float) -> None:
     assert after.state.omega == pytest.approx(0.0, abs=1e-6)
 
 
-def rocker(radius: float, height: float, span: float, top: float) -> sledenv.Body:
-    """A runner arc with corners at its ends and one on top; the mass centre is at a height above its lowest point."""
-    x, y = radius * math.sin(span), radius - height - radius * math.cos(span)
-    edge = math.pi - math.atan2(top - y, x)
-    arcs = [
-        sledenv.Arc(x, y, 0.0, -edge, "nose"),
-        sledenv.Arc(0.0, radius - height, radius, -span, "runner"),
-        sledenv.Arc(-x, y, 0.0, span, "tail"),
-        sledenv.Arc(0.0, top, 0.0, edge, "top"),
-    ]
-    return sledenv.Body(80.0, 6.0, arcs)
-
-
-@pytest.mark.parametrize("radius", [2.0, 25.0])
-def test_a_runner_swings_on_ice(radius: float) -> None:
-    """Oracle: (J + m a^2) phidot^2/2 = m g (b(phi0) - b(phi)); of small angles 2 pi sqrt(J/(m g (R - H)))."""
-    height, start = 0.3, 0.01
-    body = rocker(radius, height, 0.05, 0.4)
-    h, m = radius - height, body.mass
-
-    def speed(phi: float) -> float:
-        sunk = 2.0 * h * math.sin(0.5 * (start - phi)) * math.sin(0.5 * (start + phi))
-        return math.sqrt(2.0 * m * GRAVITY * sunk / (body.inertia + m * (h * math.sin(phi)) ** 2))
-
-    quarter = time_between(speed, start, 0.0)
-    small = 0.5 * math.pi * math.sqrt(body.inertia / (m * GRAVITY * h))
-    assert quarter == pytest.approx(small, rel=m * (h * start) ** 2 / body.inertia + start**2)
-    law = sledenv.ContactLaw(1e8, 0.5, 0.0, 0.0)
-    for quarters, phi in ((1.0, 0.0), (2.0, -start), (4.0, start)):
-        descent = rigid(body, law, 0.0, laid(body, start), max_time=quarters * quarter)
-        assert descent.state.phi == pytest.approx(phi, abs=1e-9)
-        assert descent.state.x == pytest.approx(0.0, abs=1e-12)
-
-
-def test_a_rod_hits_with_one_end() -> None:
-    """Oracle: docs of Nikravesh's planar dynamics, physics.md section 9."""
-    body = sledenv.rod(1.0, 2.0, inertia=0.01)
-    law = sledenv.ContactLaw.from_restitution(0.95, stiffness=1e8, friction=0.0, rolling_arm=0.0)
-    impact = sledenv.rigid_impact(body, law, sledenv.State(0.0, 1.0, math.radians(315.0), 0.0, -6.5))
-    assert impact.state.v == pytest.approx(-6.2514706, abs=1e-7)
-    assert abs(impact.state.omega) == pytest.approx(17.5736832, abs=1e-7)
-
-
 FLAT = {
     "square, no friction": (square(0.4), 0.0, (0.0, -2.0, 0.0), (1e7, 0.4, 0.0, 0.0, 0.0)),
     "square, slips": (square(0.4), 0.0, (3.0, -2.0, 0.0), (1e7, 0.4, 0.3, 0.0, 0.0)),
@@ -482,40 +330,3 @@ def test_a_flat_landing_is_that_of_two_springs(name: str) -> None:
     wanted = expected(case, "compliant", max_rebounds=1)
     assert wanted.rebounds[0].both
     assert_same(simulated(case, "compliant", max_rebounds=1), wanted, case, PRECISION)
-
-
-@pytest.mark.parametrize("name", FLAT)
-def test_a_flat_landing_on_rigid_surfaces_is_the_limit_of_two_springs(name: str) -> None:
-    """Oracle: both ends on springs, whose distance from the limit falls as c^-1/2."""
-    found = simulated(flat_landing(name), "rigid", max_rebounds=1).state
-    distance = []
-    for stiffness in (1e8, 1e10, 1e12):
-        soft = expected(flat_landing(name, stiffness), "compliant", max_rebounds=1).rebounds[0].state
-        distance.append(max(abs(p - q) for p, q in zip(found[3:], soft[3:], strict=True)))
-    assert distance[2] < 1e-4
-    assert distance[2] < 0.2 * distance[1] or distance[2] < 1e-9
-
-
-def test_a_corner_that_bounces_in_rounding_stays_the_one_that_touches() -> None:
-    """Oracle: the ledger, and that the height goes on: an end in the air must not begin the contact.
-
-    Without loss or friction the corner hums at the surface. A touch may then move away by rounding.
-    """
-    corners = [
-        (0.3383662543644905, 0.371452209015263, -2.965037458348434),
-        (0.34543515771037286, -0.5003167325707278, -1.578904838220364),
-        (-0.5172741150597993, -0.12650481747302317, 0.4088797525133531),
-        (-0.528758166817781, -0.05887977748790293, 1.4025815865479123),
-        (-0.18353388533585951, 0.3751711950056631, 2.2426980620496586),
-        (0.11729697872216823, 0.41089381351659376, 3.0233995951761092),
-    ]
-    arcs = [sledenv.Arc(*corner[:2], 0.0, corner[2], corner=True) for corner in corners]
-    body = sledenv.Body(0.11535985769545833, 0.010658146614895928, arcs)
-    law = sledenv.ContactLaw(850794943.5246651, 0.0, 0.0, 0.0, 0.004075892883425711)
-    launch = sledenv.State(0.0, 0.41762465710075264, 2.699237044635403, -2.4330883513477266, 0.0, 0.0)
-    descent = sledenv.simulate(
-        body, law, sledenv.Slope(0.32225374672696033, 5.0), launch, max_rebounds=200, record="trajectory"
-    )
-    assert descent.status != "buried"
-    assert abs(descent.energy.residual) < 1e-12 * descent.energy.turnover
-    assert np.abs(np.diff(descent.trajectory["y"])).max() < 1e-4

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from itertools import islice
 
 import numpy as np
 import pytest
 
 import sledenv
-from tests.bodies import same_bits
 from tests.profile_springs import depths, scene
-from tests.profiles import LEVEL, Case, gravity_of, random_case, throws
+from tests.profiles import BODIES, LEVEL, Case, gravity_of, random_case, throws
 
 ENDINGS = {"finish", "jammed", "timeout"}
 TIME = 6.0  # [s]
@@ -66,54 +66,34 @@ def check(case: Case, descent: sledenv.Descent, residual: float) -> None:
     assert (np.diff(rows["t"]) >= 0.0).all(), case.name
 
 
-def keeps_its_energy(number: int) -> bool:
-    """Check a ride without losses; return whether it ended where the model of the contact does."""
-    case = random_case((21, number), elastic=True)
-    descent = simulated(case)
-    check(case, descent, 1e-9)
-    energy = descent.energy
-    assert energy.lost == pytest.approx(0.0, abs=1e-9 * energy.turnover), case.name
-    kept = mechanical(case, descent.state) + energy.stored - energy.initial
-    assert abs(kept) <= 1e-9 * energy.turnover, case.name
-    return descent.status == "buried"
+@pytest.mark.jit_only
+@pytest.mark.parametrize("count", [15, pytest.param(2000, marks=pytest.mark.slow)])
+def test_energy_is_kept_without_losses(count: int) -> None:
+    """Oracle: conservation, e = 1 and f = 0, to 1e-9 of what was turned over. Where the model ends is rare."""
+    buried = 0
+    for number in range(count):
+        case = random_case((21, number), elastic=True)
+        descent = simulated(case)
+        check(case, descent, 1e-9)
+        energy = descent.energy
+        assert energy.lost == pytest.approx(0.0, abs=1e-9 * energy.turnover), case.name
+        kept = mechanical(case, descent.state) + energy.stored - energy.initial
+        assert abs(kept) <= 1e-9 * energy.turnover, case.name
+        buried += descent.status == "buried"
+    assert buried <= count // 500
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("number", range(60))
-def test_energy_is_kept_without_losses(number: int) -> None:
-    """Oracle: conservation, e = 1 and f = 0, to 1e-9 of what was turned over."""
-    assert not keeps_its_energy(number)
-
-
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_energy_is_kept_in_many_rides_without_losses() -> None:
-    """Oracle: conservation; where the model ends is rare: one in 1,600 of the sketch."""
-    assert sum(map(keeps_its_energy, range(2000))) <= 4
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("number", range(60))
-def test_the_ledger_closes_with_friction_rolling_and_zones(number: int) -> None:
-    """Oracle: conservation, zones with stiffness and restitution of their own among them."""
-    case = random_case((22, number), zoned=True)
-    descent = simulated(case)
-    check(case, descent, 1e-8)
-    assert descent.status in ENDINGS, case.name
-
-
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_many_launches_end_as_something_physical() -> None:
-    """Oracle: conservation; no exception, no budget of steps, nothing that is not a number."""
-    buried = []
-    for number in range(20_000):
+@pytest.mark.parametrize("count", [30, pytest.param(20_000, marks=pytest.mark.slow)])
+def test_launches_end_as_something_physical(count: int) -> None:
+    """Oracle: conservation, with friction, rolling and, of every other one, zones with springs of their own."""
+    buried = 0
+    for number in range(count):
         case = random_case((23, number), zoned=number % 2 == 1)
         descent = simulated(case)
         check(case, descent, 1e-8)
-        if descent.status == "buried":
-            buried.append(case.name)
-    assert len(buried) <= 20, buried
+        buried += descent.status == "buried"
+    assert buried <= count // 1000
 
 
 @pytest.mark.parametrize(("seed", "elastic", "number"), THROWS)
@@ -147,9 +127,8 @@ def flown(case: Case, times: np.ndarray) -> np.ndarray:
     )
 
 
-def check_first_touch(number: int) -> None:
+def check_first_touch(case: Case) -> None:
     """Nothing touches before the first contact begins, and something does right after."""
-    case = random_case((26, number), length=math.inf)
     descent = sledenv.simulate(*case[1:], max_time=TIME, max_rebounds=1)
     touched = descent.rebounds[0]["t_touchdown"] if len(descent.rebounds) else descent.time
     tables = scene(case.body, list(case.slope.profile) or LEVEL)
@@ -157,24 +136,60 @@ def check_first_touch(number: int) -> None:
     assert before.max() == 0.0, case.name
     if len(descent.rebounds):
         row = descent.rebounds[0]
-        closing = max(abs(row["v_before"]), abs(row["u_before"]), 1.0)
+        closing = max(abs(row["v_before"]), abs(row["u_before"]), case.body.size * abs(row["omega_before"]), 1.0)
         just = depths(tables, flown(case, np.array([touched - 1e-10, touched + 1e-6])), case.body.size).max(axis=1)
         assert 0.0 == just[0] < just[1] < 2e-5 * closing, case.name
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("number", range(80))
-def test_a_flight_ends_where_the_outline_first_meets_the_ground(number: int) -> None:
+@pytest.mark.parametrize("count", [80, pytest.param(5000, marks=pytest.mark.slow)])
+def test_a_flight_ends_where_the_outline_first_meets_the_ground(count: int) -> None:
     """Oracle: geometry at 2,000 times of the flight in closed form: no touch is missed, a crest in passing neither."""
-    check_first_touch(number)
+    for number in range(count):
+        check_first_touch(random_case((26, number), length=math.inf))
 
 
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_many_flights_end_where_the_outline_first_meets_the_ground() -> None:
-    """Oracle: geometry at 2,000 times of each flight."""
-    for number in range(5000):
-        check_first_touch(number)
+RIDGES = [
+    (-2.44, 0.05),
+    (-1.48, 1.54),
+    (-0.96, 0.81),
+    (-0.1, 0.96),
+    (0.43, 1.83),
+    (0.92, 0.91),
+    (1.23, 1.88),
+    (2.12, 2.05),
+]
+FLIGHTS = {
+    "down in a dip that turns by more than a right angle": (
+        "sled", [(-1.0, 0.0), (-0.5, -0.5), (0.0, -0.75), (0.25, -0.25)], 0.0, (0.0, 1.7, 2.0, 0.0, 1.0, 10.0)
+    ),
+    "beside a ridge of 48 degrees, not from behind": (
+        "triangle", [*RIDGES, (2.59, 0.86), (3.31, 2.26)], 0.128, (0.57, 3.4, -1.578, -1.5, 0.47, 4.25)
+    ),
+    "over sharp bumps, spinning fast": (
+        "hexagon", [(0.3 * k - 3.0, 0.2 * (k % 2)) for k in range(21)], 0.1, (-1.0, 0.8, 0.3, 4.0, 1.0, -40.0)
+    ),
+    "the same the other way": (
+        "block", [(0.3 * k - 3.0, 0.2 * (k % 2)) for k in range(21)], 0.1, (-1.0, 1.0, 0.3, 4.0, 1.0, 40.0)
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", FLIGHTS)
+def test_a_flight_ends_in_time(name: str) -> None:
+    """Oracle: geometry at 2,000 times of the flight."""
+    kind, profile, angle, launch = FLIGHTS[name]
+    slope = sledenv.Slope(angle, profile=profile)
+    check_first_touch(Case(name, BODIES[kind], sledenv.ContactLaw(1e7, 0.5, 0.3, 0.0), slope, sledenv.State(*launch)))
+
+
+@pytest.mark.parametrize(("above", "touches"), [(-1e-9, 1), (1e-9, 0)])
+def test_a_body_that_only_grazes_a_crest_is_seen(above: float, touches: int) -> None:
+    """Oracle: a disc whose path lies a hair below the top of a crest touches it; a hair above it does not."""
+    slope = sledenv.Slope(0.0, gravity=0.0, profile=[(-1.0, 0.0), (0.0, 1.0), (1.0, 0.0)])
+    launch = sledenv.State(-0.2, 1.3 + above, 0.0, 4.0, 0.0, 5.0)
+    law = sledenv.ContactLaw(1e7, 0.5, 0.3, 0.0)
+    assert len(sledenv.simulate(BODIES["disc"], law, slope, launch, max_time=0.1).rebounds) == touches
 
 
 def sunk(number: int) -> tuple[str, float, float]:
@@ -197,40 +212,17 @@ def sunk(number: int) -> tuple[str, float, float]:
     return case.name, float((arcs - allowed).max()), float((crests - deepest).max())
 
 
+FEW = [*range(10), *SUNK, *sorted(BESIDE_CREST)]
+
+
 @pytest.mark.jit_only
-@pytest.mark.parametrize("number", [*range(30), *SUNK, *sorted(BESIDE_CREST)])
-def test_no_point_is_deeper_in_the_ground_than_springs_are_pressed(number: int) -> None:
+@pytest.mark.parametrize("numbers", [FEW, pytest.param(range(1000), marks=pytest.mark.slow)], ids=["few", "many"])
+def test_no_point_is_deeper_in_the_ground_than_springs_are_pressed(numbers: Iterable[int]) -> None:
     """Oracle: geometry of outline and ground, tests/profile_springs.py."""
-    name, arcs, crests = sunk(number)
-    assert arcs <= 1e-9, name
-    assert crests <= 1e-9, name
+    assert [found for found in map(sunk, numbers) if max(found[1:]) > 1e-9] == []
 
 
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_in_many_rides_no_point_is_deeper_in_the_ground_than_springs_are_pressed() -> None:
-    """Oracle: geometry of outline and ground."""
-    deep = [(name, arcs, crests) for name, arcs, crests in map(sunk, range(1000)) if max(arcs, crests) > 1e-9]
-    assert deep == []
-
-
-@pytest.mark.parametrize("number", range(6))
-def test_a_batch_and_a_ride_over_a_profile_are_the_descent(number: int) -> None:
-    """Oracle: simulate(), bit for bit."""
-    case = random_case((25, number), zoned=True, planes=False)
-    launches = np.array([case.launch, case.launch._replace(u=2.0), case.launch])
-    settings = sledenv.Settings(max_time=TIME)
-    descent = sledenv.simulate(*case[1:], settings)
-    batch = sledenv.simulate_batch(*case[1:4], launches, settings, keep_rebounds=True)
-    for lane in (0, 2):
-        assert batch.outcomes[lane] == descent.outcome
-        same_bits(batch.rebounds[lane, : len(descent.rebounds)], descent.rebounds)
-    ridden = sledenv.Ride(*case[1:], settings).run()
-    assert ridden.outcome == descent.outcome
-    same_bits(ridden.rebounds, descent.rebounds)
-
-
-@pytest.mark.parametrize("number", range(6))
+@pytest.mark.parametrize("number", range(3))
 def test_the_ledger_closes_over_a_profile_with_trims(number: int) -> None:
     """Oracle: conservation, the work of the rider's rotor among what is counted; a copy goes on to the same bits."""
     case = random_case((27, number), planes=False)

@@ -133,7 +133,7 @@ def surveyed(cases: np.ndarray, hypothesis: int = ENERGETIC) -> np.ndarray:
 # --- against the exact oracle ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", [1500, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [200, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_an_impact_agrees_with_exact_fractions(n: int) -> None:
     """Oracle: tests.oracles.rational_impact; the phases are the same too."""
     phases = np.zeros(MOST_PHASES, PHASE)
@@ -145,15 +145,13 @@ def test_an_impact_agrees_with_exact_fractions(n: int) -> None:
         assert signs == [(phase.slip, phase.spin, phase.opening) for phase in expected.phases], case
 
 
-@pytest.mark.parametrize("hypothesis", ["poisson", "newton"])
-def test_the_other_hypotheses_agree_with_exact_fractions(hypothesis: str) -> None:
-    for case in random_impacts(500, seed=1).tolist():
-        assert worst_error(case, solve(case, HYPOTHESES[hypothesis]), oracle(case, hypothesis)) < 1e-12, case
-
-
-def test_ties_and_simultaneous_events_agree_with_exact_fractions() -> None:
-    """Oracle: rational_impact on a grid where locks sit exactly on their bounds; phases may differ by rounding."""
-    for case in coarse_impacts(1500, seed=2).tolist():
+@pytest.mark.parametrize("n", [100, pytest.param(2000, marks=pytest.mark.slow)])
+def test_other_hypotheses_ties_and_simultaneous_events_agree_with_exact_fractions(n: int) -> None:
+    """Oracle: rational_impact; ties are on a grid where locks sit exactly on their bounds, phases may differ there."""
+    for case in random_impacts(n, seed=1).tolist():
+        for hypothesis in ("poisson", "newton"):
+            assert worst_error(case, solve(case, HYPOTHESES[hypothesis]), oracle(case, hypothesis)) < 1e-12, case
+    for case in coarse_impacts(2 * n, seed=2).tolist():
         assert worst_error(case, solve(case), oracle(case)) < 1e-13, case
 
 
@@ -162,7 +160,7 @@ def test_ties_and_simultaneous_events_agree_with_exact_fractions() -> None:
 
 def test_poisson_without_rolling_resistance_agrees_with_wang_and_mason() -> None:
     """Published: Wang and Mason (1992), closed forms of every contact mode for Poisson's hypothesis."""
-    cases = random_impacts(3000, seed=3)
+    cases = random_impacts(600, seed=3)
     cases[:, ARM] = 0.0
     cases = cases[cases[:, V_N] < 0.0]
     modes = set()
@@ -180,7 +178,7 @@ def test_poisson_without_rolling_resistance_agrees_with_wang_and_mason() -> None
 @pytest.mark.parametrize("hypothesis", list(HYPOTHESES))
 def test_a_frictionless_impact_loses_the_textbook_energy(hypothesis: str, restitution: float) -> None:
     """Oracle: (1 - e^2) v_n^2 / (2 W_nn), and v_n reversed e times, for every hypothesis."""
-    for case in random_impacts(200, seed=4).tolist():
+    for case in random_impacts(40, seed=4).tolist():
         case[FRICTION], case[ARM], case[RESTITUTION] = 0.0, 0.0, restitution
         found = solve(case, HYPOTHESES[hypothesis])
         w_nn = 1.0 / case[MASS] + case[A] ** 2 / case[INERTIA]
@@ -194,7 +192,7 @@ def test_the_three_hypotheses_agree_where_the_contact_never_changes_its_mode() -
     """Oracle: with constant forces per normal impulse v_n is linear in it, and the three definitions coincide."""
     phases = np.zeros(MOST_PHASES, PHASE)
     agreeing = 0
-    for case in random_impacts(1500, seed=5).tolist():
+    for case in random_impacts(400, seed=5).tolist():
         found = solve(case, phases=phases)
         rows = phases[: found[9]]
         if case[V_N] == 0.0 or len({(int(row["slip"]), int(row["spin"])) for row in rows}) != 1:
@@ -206,19 +204,7 @@ def test_the_three_hypotheses_agree_where_the_contact_never_changes_its_mode() -
             assert other[0] == pytest.approx(found[0], abs=1e-12 * speed)
             assert other[1] == pytest.approx(found[1], abs=1e-12 * speed / size)
             assert other[2] == pytest.approx(found[2], abs=1e-12 * speed)
-    assert agreeing > 300
-
-
-def test_the_three_hypotheses_agree_on_a_wheel() -> None:
-    """Oracle: with a = 0 the normal motion is that of a ball, whatever slip and spin do."""
-    for case in random_impacts(500, seed=6).tolist():
-        case[A] = 0.0
-        speed, size = scales(case)
-        first, *others = (solve(case, hypothesis) for hypothesis in HYPOTHESES.values())
-        for other in others:
-            assert other[0] == pytest.approx(first[0], abs=1e-13 * speed)
-            assert other[1] == pytest.approx(first[1], abs=1e-12 * speed / size)
-            assert other[2] == pytest.approx(first[2], abs=1e-13 * speed)
+    assert agreeing > 80
 
 
 def test_newtons_restitution_creates_energy_where_the_energetic_one_does_not() -> None:
@@ -273,14 +259,14 @@ def test_an_impact_can_compress_twice(
 def test_compressing_twice_needs_a_long_rolling_arm() -> None:
     """Oracle: the condition |a| delta > a^2 + b^2 + J/m, necessary, not sufficient; both are met often enough."""
     rng = np.random.default_rng(7)
-    cases = random_impacts(100_000, seed=7)
+    cases = random_impacts(20_000, seed=7)
     a, b, inertia = (rng.uniform(low, high, len(cases)) for low, high in ((0.05, 0.5), (0.02, 0.4), (0.001, 0.05)))
     cases[:, A], cases[:, B], cases[:, INERTIA] = a, b, inertia * cases[:, MASS]
     cases[:, ARM] = rng.uniform(0.0, 1.0, len(cases))
     again = surveyed(cases)[:, 7]
     possible = a * cases[:, ARM] > a * a + b * b + inertia
     assert not np.any(again[~possible])
-    assert np.sum(again > 0) > 20
+    assert np.sum(again > 0) > 3
     assert np.max(again) == 1
 
 
@@ -298,7 +284,7 @@ def slips_and_spins(cases: np.ndarray) -> np.ndarray:
 def test_compression_ends_where_sliding_presses_the_body_into_the_ground() -> None:
     """Oracle: rational_impact; the gap first closes faster and faster, until slip or spin stops."""
     cases = random_impacts(20_000, seed=8)
-    cases = cases[jamming(cases)][:300]
+    cases = cases[jamming(cases)][:60]
     phases = np.zeros(MOST_PHASES, PHASE)
     for case in cases.tolist():
         found = solve(case, phases=phases)
@@ -313,12 +299,12 @@ def test_a_jamming_contact_has_an_impact_without_approach() -> None:
     cases = random_impacts(20_000, seed=9)
     cases[:, V_N] = 0.0
     region = jamming(cases)
-    for case in cases[region][:100].tolist():
+    for case in cases[region][:30].tolist():
         found = solve(case)
         assert found[3] > 0.0
         assert found[7] + found[8] > 0.0
         assert worst_error(case, found, oracle(case)) < 1e-12
-    for case in cases[~region & slips_and_spins(cases)][:100].tolist():
+    for case in cases[~region & slips_and_spins(cases)][:30].tolist():
         assert solve(case) == (*case[V_T:], 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0)
 
 
@@ -338,7 +324,7 @@ def test_no_impact_creates_energy_and_the_losses_account_for_it_all(n: int) -> N
 
 
 def test_the_mirrored_impact_is_the_same_bit_for_bit() -> None:
-    cases = np.concatenate([random_impacts(1000, seed=11), coarse_impacts(1000, seed=11)])
+    cases = np.concatenate([random_impacts(200, seed=11), coarse_impacts(200, seed=11)])
     mirrored = cases.copy()
     mirrored[:, [A, V_T, OMEGA]] *= -1.0
     sign = np.array([-1, -1, 1, 1, -1, -1, 1, 1, 1, 1])

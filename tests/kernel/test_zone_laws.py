@@ -128,13 +128,3 @@ def test_on_a_crest_that_is_a_boundary_the_larger_friction_holds(rough_ahead: bo
                 assert contact["tangential"] == pytest.approx(-sign * friction * contact["normal"], rel=1e-9)
                 seen += contact["ground"] == crest
     assert seen > 5
-
-
-def test_a_zone_says_what_its_springs_may_be() -> None:
-    """Oracle: the ranges that a law has."""
-    for own in ({"restitution": 1.1}, {"restitution": -0.1}, {"stiffness": 0.0}, {"stiffness": math.inf}):
-        with pytest.raises(ValueError, match=f"Zone.{next(iter(own))}"):
-            zone(0.0, 1.0, **own)
-    plain = sledenv.Zone(0.0, 1.0, 0.1, 0.0)
-    assert plain.restitution is None
-    assert plain.stiffness is None

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import sledenv
@@ -19,7 +19,7 @@ from tests import outline_oracle as oracle
 from tests.bodies import same_bits, touching
 from tests.kernel.test_outlines import KEPT, PRECISION, TURNED, assert_same, block, expected, laid, mirror, simulated
 
-FAST, ALL = 30, 180  # random cases
+FAST, ALL = 8, 180  # random cases
 SEEDS = [seed if seed < FAST else pytest.param(seed, marks=pytest.mark.slow) for seed in range(ALL)]
 SOLVERS: list[Solver] = ["compliant", "rigid"]
 GRAVITY = 9.81
@@ -63,6 +63,7 @@ def test_a_random_outline_on_random_zones_rebounds_as_in_the_oracle(seed: int, s
     assert_same(descent, wanted, case, PRECISION)
 
 
+@pytest.mark.slow
 def test_the_random_zones_are_passed_in_all_kinds_of_contact(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: itself. Points pass on alone and two at a time, both ways, sliding and rolling, or lie in two zones."""
     seen: set[str] = set()
@@ -85,7 +86,7 @@ def test_the_random_zones_are_passed_in_all_kinds_of_contact(monkeypatch: pytest
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_the_mirror_image_passes_the_mirrored_zones(solver: Solver) -> None:
     """Oracle: x turned round, zones [begin, end] become [-end, -begin]."""
-    for seed in range(2 * FAST):
+    for seed in range(20):
         case = with_zones(oracle.random_case(6000 + seed), solver, seed)
         if case.slope.zones and case.slope.zones[-1].end == math.inf:  # none begins at -inf
             zones = (*case.slope.zones[:-1], case.slope.zones[-1]._replace(end=1e3))
@@ -301,20 +302,7 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -
         same_bits(one.rebounds, other.rebounds)
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", BODIES)
-def test_a_zone_may_be_split(name: str, solver: Solver) -> None:
-    """Oracle: the same numbers on both sides of the cut."""
-    body = BODIES[name]
-    options: dict[str, Any] = {"solver": solver, "max_rebounds": 3}
-    zone = sledenv.Zone(-2.0, 30.0, 0.4, 0.01, 0.005)
-    one = sledenv.simulate(body, SNOW, sledenv.Slope(0.2, zones=[zone]), dropped(body), **options)
-    for cut in touched(body, one).mean(axis=1).tolist():
-        parts = [zone._replace(end=cut), zone._replace(begin=cut)]
-        assert_close(one, sledenv.simulate(body, SNOW, sledenv.Slope(0.2, zones=parts), dropped(body), **options))
-
-
-# --- ledger, batches, Euler ------------------------------------------------------------------------------------------
+# --- ledger, Euler ---------------------------------------------------------------------------------------------------
 
 NUMBERS = st.tuples(st.floats(0.0, 1.0), st.sampled_from([0.0, 0.002, 0.02]), st.sampled_from([0.0, 0.002, 0.02]))
 
@@ -330,7 +318,6 @@ def zoned(draw: st.DrawFn) -> list[sledenv.Zone]:
 
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", SOLVERS)
-@settings(deadline=None, derandomize=True, max_examples=100)
 @given(
     name=st.sampled_from(sorted(BODIES)),
     zones=zoned(),
@@ -353,42 +340,10 @@ def test_the_ledger_closes_over_any_zones(
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("solver", SOLVERS)
-@pytest.mark.parametrize("name", BODIES)
-def test_lanes_with_any_number_of_zones_are_the_descents_and_the_rides_bit_for_bit(name: str, solver: Solver) -> None:
-    """Oracle: simulate(), for slopes given as such and as rows; Ride and RideBatch, hop by hop."""
-    rng = np.random.default_rng(3)
-    body, chosen = BODIES[name], sledenv.Settings(solver=solver, max_time=4.0, max_rebounds=25)
-    slopes, launches = [], []
-    for lane in range(20):
-        edges = np.sort(rng.uniform(-0.5, 8.0, 2 * (lane % 5))).reshape(-1, 2)
-        zones = [sledenv.Zone(*edge, *rng.uniform(0.0, [0.8, 0.02, 0.02])) for edge in edges]
-        if lane % 3 == 0:
-            zones = [zone._replace(restitution=rng.uniform(0.1, 0.9), stiffness=1e6) for zone in zones]
-        slopes.append(sledenv.Slope(rng.uniform(0.0, 0.4), 20.0, GRAVITY, zones))
-        launches.append(dropped(body, *rng.normal(0.0, [0.5, 4.0, 2.0])))
-    rows = np.full((20, 3 + 7 * 8), math.nan)
-    for row, slope in zip(rows, slopes, strict=True):
-        row[: len(slope.row)] = slope.row
-    batch = sledenv.simulate_batch(body, SNOW, slopes, launches, chosen, keep_rebounds=True)
-    same_bits(sledenv.simulate_batch(body, SNOW, rows, launches, chosen).outcomes, batch.outcomes)
-    rides = sledenv.RideBatch(body, SNOW, slopes[:1] * 20, launches, chosen)
-    rides.launch(np.arange(20), SNOW, slopes, launches)
-    while (rides.outcomes()["status"] == 0).any():
-        rides.hop(np.zeros(20))
-    same_bits(rides.outcomes(), batch.outcomes)
-    for lane in range(20):
-        one = sledenv.simulate(body, SNOW, slopes[lane], launches[lane], chosen)
-        same_bits(batch.outcomes[lane], one.outcome)
-        same_bits(batch.rebounds[lane, : len(one.rebounds)], one.rebounds)
-        same_bits(sledenv.Ride(body, SNOW, slopes[lane], launches[lane], chosen).run().outcome, one.outcome)
-
-
-@pytest.mark.jit_only
 @pytest.mark.parametrize("name", ["disc", "segment", "polygon"])
 def test_explicit_euler_converges_over_zones_at_first_order(name: str) -> None:
     """Oracle: the event-driven solver, for a contact in which a point passes through a zone."""
-    body, steps = BODIES[name], 4e-6 * 0.5 ** np.arange(6)
+    body, steps = BODIES[name], 8e-6 * 0.5 ** np.arange(5)
     law, launch, slope = SNOW._replace(stiffness=2e3 * body.mass), dropped(body, 0.1, 5.0, 2.0), sledenv.Slope(0.1)
     whole = sledenv.simulate(body, law, slope, launch, max_rebounds=1)
     free, (first, last) = whole.rebounds[0], sorted(touched(body, whole)[0].tolist())

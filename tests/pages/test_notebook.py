@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 from html import unescape
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sledenv import ContactLaw, Slope, State, simulate, sled
+from sledenv.identification.rebound_fit import Identification
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.words import story
-from tests.browser import browser, data_of, needs_chromium, wait_until
+from sledenv.uncertainty.result import StudyResult
+from tests.browser import Browser, data_of, needs_chromium, wait_until
 
 
 def descended(record: str) -> Descent:
@@ -29,29 +32,20 @@ def test_a_descent_shows_its_story_or_with_a_trajectory_its_replay() -> None:
 
 
 @needs_chromium
-def test_the_frame_of_a_notebook_replays(tmp_path: Path) -> None:
+def test_the_frame_of_a_notebook_replays(chromium: Browser, tmp_path: Path) -> None:
     """In a page around it the frame has simulated and drawn its table, and nothing is refused."""
     file = tmp_path / "notebook.html"
     file.write_text(f"<!doctype html><meta charset=utf-8><title>x</title>{descended('trajectory')._repr_html_()}")
-    with browser(tmp_path / "profile") as page:
-        page.open(file)
-        inside = "document.querySelector('iframe').contentDocument"
-        wait_until(page, f"{inside}.querySelectorAll('#rebounds tbody tr').length > 1")
-        page.run("return new Promise(done => setTimeout(done, 500))")  # what follows a descent
-        assert page.log() == []
+    chromium.open(file)
+    inside = "document.querySelector('iframe').contentDocument"
+    wait_until(chromium, f"{inside}.querySelectorAll('#rebounds tbody tr').length > 1")
+    chromium.run("return new Promise(done => setTimeout(done, 500))")  # what follows a descent
+    assert chromium.log() == []
 
 
-@pytest.mark.parametrize("module", ["sledenv.identification.rebound_fit", "sledenv.uncertainty.result"])
+@pytest.mark.parametrize(("kind", "words"), [(Identification, "__str__"), (StudyResult, "words")])
 def test_other_results_show_their_words_with_signs_of_html_escaped(
-    module: str, monkeypatch: pytest.MonkeyPatch
+    kind: Any, words: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from sledenv.identification.rebound_fit import Identification
-    from sledenv.uncertainty.result import StudyResult
-
-    if module.endswith("rebound_fit"):
-        monkeypatch.setattr(Identification, "__str__", lambda self: "a < b")
-        result = object.__new__(Identification)
-    else:
-        monkeypatch.setattr(StudyResult, "words", "a < b")
-        result = object.__new__(StudyResult)
-    assert result._repr_html_() == "<pre>a &lt; b</pre>"
+    monkeypatch.setattr(kind, words, (lambda self: "a < b") if words == "__str__" else "a < b")
+    assert object.__new__(kind)._repr_html_() == "<pre>a &lt; b</pre>"

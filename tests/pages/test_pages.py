@@ -15,7 +15,7 @@ import sledenv
 import sledenv.plot
 from docs import draw
 from sledenv.command.cli import main
-from tests import browser
+from tests.browser import needs_chromium
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -112,15 +112,14 @@ _SEEN = """return [
 
 
 @pytest.mark.slow
-@browser.needs_chromium
+@needs_chromium
 @pytest.mark.parametrize("width", [1280, 390])
-def test_pages_fit_a_desktop_and_a_phone(site, width, tmp_path):
+def test_pages_fit_a_desktop_and_a_phone(site, width, chromium):
     """Nothing is wider than the screen but what scrolls by itself, no picture is missing, every formula is drawn."""
-    with browser.browser(tmp_path) as tab:
-        tab.screen(width, 900)
-        for page in sorted([*site.glob("docs/**/*.html"), site / "agents" / "README.html"]):
-            tab.open(page)
-            until = time.monotonic() + 60.0  # MathJax draws after the page has loaded
-            while (seen := tab.run(_SEEN)) != [0, 0, 0, 0] and time.monotonic() < until:
-                time.sleep(0.1)
-            assert (page.name, seen) == (page.name, [0, 0, 0, 0])
+    chromium.screen(width, 900)
+    for page in sorted([*site.glob("docs/**/*.html"), site / "agents" / "README.html"]):
+        chromium.open(page)
+        until = time.monotonic() + 60.0  # MathJax draws after the page has loaded
+        while (seen := chromium.run(_SEEN)) != [0, 0, 0, 0] and time.monotonic() < until:
+            time.sleep(0.1)
+        assert (page.name, seen) == (page.name, [0, 0, 0, 0])

@@ -211,7 +211,9 @@ def test_the_legend_of_a_strobe_figure_tells_how_far_poses_are_apart(ride: Desce
     assert np.median(np.diff(times)) == pytest.approx(interval)
 
 
-def test_every_figure_of_a_descent_is_drawn(ride: Descent) -> None:
+@pytest.mark.parametrize("name", ["rock", pytest.param("sled", marks=pytest.mark.slow)])
+def test_every_figure_of_a_descent_is_drawn(name: str) -> None:
+    ride = ride_of(name)
     figures = [
         draw(ride)
         for draw in (
@@ -241,3 +243,16 @@ def test_moments_of_forces_on_a_profile_turn_the_body(ride: Descent) -> None:
     t, moment = np.asarray(ax.lines[-1].get_xydata()).T
     turned = np.trapezoid(moment, 1e-3 * t)
     assert turned == pytest.approx(ride.body.inertia * (rebound["omega_after"] - rebound["omega_before"]), rel=0.02)
+
+
+def test_a_strobe_picture_shows_a_stretch_of_a_ride(ride: Descent) -> None:
+    """Oracle: the places of the mass centre there, and the ends of the stretch on the ground."""
+    x = drawable_rows(ride)["x"]
+    low, high = (float(np.quantile(x, share)) for share in (0.4, 0.7))
+    figure = plot.plot_strobe(ride, between=(low, high))
+    ends = to_world(np.array([[place, float(ride.slope.height_at(place))] for place in (low, high)]), ride.slope.angle)
+    left, right = figure.axes[0].get_xlim()
+    assert left < ends[0, 0] < ends[1, 0] < right
+    assert right - left < 2.0 * (ends[1, 0] - ends[0, 0]) + 4.0 * ride.body.size
+    with pytest.raises(ValueError, match=r"between = \(-9.0, -8.0\): a descent has nothing there"):
+        plot.plot_strobe(ride, between=(-9.0, -8.0))

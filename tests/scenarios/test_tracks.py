@@ -105,13 +105,11 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
     ],
 )
 def test_what_no_body_can_ride_is_refused_with_the_remedy(slope: dict[str, Any], message: str) -> None:
-    """Oracle: the message."""
     (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
     assert line.startswith(f"scenario example: {message}")
 
 
 def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
-    """Oracle: the message."""
     remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
     message = f"scenario example: body: has a sharp corner, which must be rounded where the ground has crests; {remedy}"
     for slope in ({"slope__profile_m": ROOF}, {"slope__bumps": BUMPS, "slope__length_m": 40}):

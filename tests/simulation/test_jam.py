@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from sledenv.kernel.records import (
@@ -30,7 +30,6 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 
-property_of_all = settings(deadline=None, derandomize=True)  # the first call compiles
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
 WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
@@ -80,11 +79,6 @@ def test_stuck_is_nearly_stuck_too() -> None:
     assert jam.nearly_stuck.tolist() == [False, True, True]
 
 
-def test_no_rebounds_have_no_metrics() -> None:
-    """Oracle: empty in, empty out."""
-    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), np.zeros(0))] == [0, 0, 0, 0]
-
-
 @pytest.mark.parametrize(("u", "grip"), [(20.0, 1.0), (0.3, None)])
 def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float | None) -> None:
     """Oracle: a fast wheel slides, F = f N; a slow one begins to roll, where m J u0/I is enough to stop the slip."""
@@ -99,7 +93,6 @@ def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float 
     assert descent.rebound_jam.tangential_loss[0] == pytest.approx(1.0 - row["u_after"] / u, rel=1e-12)
 
 
-@property_of_all
 @example(5e-324, 0.0, 0.0, 0.0)
 @given(st.floats(0.0, 1.0), st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
 def test_metrics_of_a_rebound_lie_in_their_ranges(friction: float, phi: float, u: float, omega: float) -> None:
@@ -179,7 +172,6 @@ def test_a_descent_without_supplied_energy_is_not_divided_by_it(supplied: float)
     assert ((jam.reward >= 0.5) & (jam.reward <= 1.0)).all()
 
 
-@property_of_all
 @given(st.integers(0, 7), st.floats(-1e3, 1e3), st.floats(-1e3, 1e3), energies, st.floats(1e-3, 1e3))
 def test_the_reward_lies_between_0_and_1(status: int, x: float, u: float, supplied: float, length: float) -> None:
     """Oracle: the range that the documentation promises, for any outcome."""

@@ -12,14 +12,14 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 import sledenv
 from sledenv import Settings
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.task import Task
-from sledenv.kernel.records import STATUS_OF_CODE, Energy, Feature, Mode, Status
+from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
@@ -32,9 +32,7 @@ from sledenv.simulation.support import support_height, support_heights, within_a
 from tests.bodies import rod, segment_by_share
 from tests.own_scenarios import own_scenario
 
-property_of_all = settings(deadline=None, derandomize=True, max_examples=150)  # the first call compiles
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
-DISC_ROW = [1.0, 0.1, 0.05, 7.5e-3, math.pi]
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
 SHALLOW = circular_segment(1.0, 0.5, 1.0)
 ROD = rod(1.0, 0.4, 0.02)
@@ -96,7 +94,6 @@ def assert_same(one: Descent, other: Descent) -> None:
 # --- energy -----------------------------------------------------------------------------------------------------------
 
 
-@property_of_all
 @given(bodies, laws, slopes, launches)
 def test_the_energy_ledger_closes_and_no_loss_is_negative(
     body: Segment, law: ContactLaw, slope: Slope, launch: Any
@@ -123,32 +120,6 @@ def test_the_energy_ledger_closes_and_no_loss_is_negative(
     assert descent.time <= 3.0
 
 
-@pytest.mark.parametrize(
-    ("body", "law", "slope", "launch"),
-    [
-        (
-            segment(86.5, 1.2377, 0.616, 79.8, 3.130677),
-            ContactLaw(2.17e6, 0.6, 0.9, 0.0013),
-            Slope(0.9558),
-            State(0.0, 1.854844603757025, math.pi, -14.1735, -24.0125, 0.0),
-        ),
-        (
-            segment(10.28, 0.04785, 0.034086, 0.010778, 2.768264),
-            ContactLaw(2.22e5, 0.1446, 0.0, 0.0),
-            Slope(-0.4224, math.inf, 0.0),
-            State(0.0, 0.06163676886416994, 1.98715, 0.0, 1.13027, 340.28),
-        ),
-    ],
-    ids=["past", "submerged"],
-)
-def test_the_ledger_closes_where_arc_and_chord_meet(
-    body: Segment, law: ContactLaw, slope: Slope, launch: State
-) -> None:
-    """Oracle: conservation of energy; the arc, a corner and the chord are deep in the slope at the same time."""
-    descent = simulate(body, law, slope, launch, max_time=1.0)
-    assert abs(descent.energy.residual) <= 1e-10 * descent.energy.turnover
-
-
 def deep_launch(seed: int) -> tuple[Segment, ContactLaw, Slope, State]:
     """Launch a body of any shape onto a slope so soft that arc, corners and chord are in it together."""
     rng = np.random.default_rng(seed)
@@ -169,35 +140,56 @@ def deep_launch(seed: int) -> tuple[Segment, ContactLaw, Slope, State]:
     return body, law, Slope(rng.uniform(-0.5, 1.0)), launch
 
 
-def test_deep_penetration_creates_no_energy() -> None:
-    """Oracle: conservation of energy over 3,000 launches of which some touch with three points, some on the chord."""
+@pytest.mark.parametrize("count", [300, pytest.param(3000, marks=pytest.mark.slow)])
+def test_deep_penetration_creates_no_energy(count: int) -> None:
+    """Oracle: conservation of energy over launches of which some touch with three points, some on the chord."""
     ends = set()
-    for seed in range(3000):
+    for seed in range(count):
         descent = simulate(*deep_launch(seed), max_time=1.0, max_rebounds=500)
         assert abs(descent.energy.residual) <= 1e-8 * descent.energy.turnover, seed
         ends.add(str(descent.status))
-    assert {"timeout", "jammed"} <= ends <= {"timeout", "jammed", "log_full"}
+    assert ends <= {"timeout", "jammed", "log_full"}
+    assert count < 3000 or {"timeout", "jammed"} <= ends
 
 
-def test_a_body_pressed_in_up_to_both_corners_touches_with_three_points() -> None:
-    """Oracle: conservation of energy; a spring so soft that the whole body is below the surface."""
-    body = segment(1.0, 0.5, 0.49, 0.05, 0.3)
-    launch = State(0.0, support_height(body, 0.2), 0.2, 0.0, -30.0, 20.0)
-    descent = simulate(body, ContactLaw(1e4, 0.0, 0.0, 0.0), Slope(0.0), launch, max_time=1.0)
-    assert descent.status != Status.BURIED
-    assert descent.rebounds["peak_penetration"][0] > body.radius * (1.0 - math.cos(body.half_angle))
-    assert abs(descent.energy.residual) <= 1e-9 * descent.energy.turnover
+@pytest.mark.parametrize("count", [30, pytest.param(200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_the_mass_centre_of_a_rod_stays_above_the_slope(solver: Any, count: int) -> None:
+    """Oracle: the geometry; it lies between two ends that are above the slope but for the compression."""
+    rng = np.random.default_rng(1)
+    flat = 0
+    for _ in range(count):
+        half_length, mass = rng.uniform(0.2, 1.5), 10.0 ** rng.uniform(-0.5, 2.0)
+        body = rod(mass, half_length, mass * half_length**2 * rng.uniform(0.02, 1.0))
+        law = ContactLaw(
+            mass * 10.0 ** rng.uniform(5.0, 8.0),
+            rng.choice([0.0, rng.uniform(0.0, 0.9)]),
+            rng.choice([0.0, rng.uniform(0.0, 1.5)]),
+            0.0,
+            half_length * rng.choice([0.0, rng.uniform(0.0, 0.05)]),
+        )
+        clearance, phi = rng.choice([0.0, rng.uniform(0.0, 2.0)]), rng.uniform(-math.pi, math.pi)
+        motion = rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 0.0), rng.choice([0.0, rng.uniform(-20.0, 20.0)])
+        given = body, law, Slope(rng.uniform(-0.5, 0.7)), launched(body, (clearance, phi, *motion))
+        descent = simulate(*given, solver=solver, max_time=3.0, record="trajectory")
+        rows = descent.trajectory
+        height, compression = rows["y"], support_heights(body.record, rows["phi"]) - rows["y"]
+        assert (height >= -1e-9 - (0.0 if solver == "rigid" else np.maximum(compression, 0.0))).all()
+        flat += descent.on_chord is not None
+    assert flat > count // 10
 
 
-def test_a_body_that_rattles_on_its_corners_comes_to_lie_on_its_chord() -> None:
-    """Oracle: it loses energy at each rebound."""
-    body = segment(0.621933540869269, 0.807869332065916, 0.1789288462921651, 0.16533859337959053, 1.97559897362838)
-    law = ContactLaw(22795107.54973123, 0.6, 0.23044715536809035, 0.0007247675008034283)
-    launch = State(0.0, 2.1699810758350377, -46.55851450011698, 0.0, -3.733398344579241, -4.6700209829801445)
-    end = simulate(body, law, Slope(0.0), launch, max_time=2.0)
-    assert end.status == Status.JAMMED
-    assert end.rebounds["feature"][-1] == Feature.CHORD
-    assert end.outcome["steps"] < 10_000
+@pytest.mark.parametrize(
+    ("angle", "lean", "clearance"),
+    [(0.0, 1e-15, 1e-5), (1e-58, 0.3, 1e-5), (0.0, 0.0, 0.0)],
+    ids=["tip", "slope", "graze"],
+)
+def test_what_hardly_moves_is_not_a_trap(angle: float, lean: float, clearance: float) -> None:
+    """Oracle: a rod without losses falls over, however slightly it leans; one set down upright springs for ever."""
+    launch = launched(ROD, (clearance, 0.5 * math.pi + lean, 0.0, 0.0, 0.0))
+    for friction in (0.0, 1.0):
+        end = simulate(ROD, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
+        assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
 
 
 @pytest.mark.parametrize("body", [DISC, SEGMENT])
@@ -242,23 +234,9 @@ def test_elastic_bounces_do_not_drift_in_energy(phi: float) -> None:
     assert abs(end.energy.residual) < 1e-11 * end.energy.turnover
 
 
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_the_ledger_closes_uphill_too(solver: Any) -> None:
-    """Oracle: conservation; of bodies that are launched uphill little or nothing counts as supplied."""
-    rng = np.random.default_rng(4)
-    launches = np.zeros((300, 6))
-    launches[:, 1] = support_height(DISC, 0.0) + rng.uniform(0.0, 0.01, 300)
-    launches[:, 3], launches[:, 4] = rng.uniform(-3.0, 0.0, 300), -rng.uniform(0.0, 1e-3, 300)
-    batch = simulate_batch(DISC, LAW, Slope(-0.2), launches, Settings(solver, max_rebounds=200))
-    for end in batch.outcomes:
-        energy = Energy(*(float(end[name]) for name in Energy._fields))
-        assert abs(energy.residual) <= 1e-12 * energy.turnover
-
-
 # --- symmetry ---------------------------------------------------------------------------------------------------------
 
 
-@settings(property_of_all, max_examples=250)
 @given(bodies, laws, launches, st.sampled_from([9.81, 0.0]), st.sampled_from(["compliant", "rigid"]))
 @example(SHALLOW, ContactLaw(1e6, 0.1, 0.0, 0.0), (0.0, math.pi, 0.0, -0.5, 0.0), 9.81, "compliant")
 @example(SHALLOW, ContactLaw(1e6, 0.0, 0.4, 0.002, 0.002), (0.01, math.pi, 1.0, -0.5, 0.0), 9.81, "compliant")
@@ -306,55 +284,6 @@ def test_a_body_that_falls_flat_comes_to_lie_on_its_chord(half_angle: float, phi
         assert end.outcome["t_on_chord"] <= end.time
 
 
-def test_a_graze_without_hysteresis_is_not_a_trap() -> None:
-    """Oracle: a rod set down upright without losses springs back to zero depth and speed, and again, for ever."""
-    end = simulate(
-        ROD,
-        ContactLaw(1e7, 0.0, 0.0, 0.0),
-        Slope(0.0),
-        launched(ROD, (0.0, 0.5 * math.pi, 0.0, 0.0, 0.0)),
-        max_time=1.0,
-    )
-    assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
-
-
-@pytest.mark.parametrize("solver", ["rigid", "compliant"])
-def test_the_mass_centre_of_a_rod_stays_above_the_slope(solver: Any) -> None:
-    """Oracle: the geometry; it lies between two ends that are above the slope but for the compression."""
-    rng = np.random.default_rng(1)
-    flat = 0
-    for _ in range(200):
-        half_length, mass = rng.uniform(0.2, 1.5), 10.0 ** rng.uniform(-0.5, 2.0)
-        body = rod(mass, half_length, mass * half_length**2 * rng.uniform(0.02, 1.0))
-        law = ContactLaw(
-            mass * 10.0 ** rng.uniform(5.0, 8.0),
-            rng.choice([0.0, rng.uniform(0.0, 0.9)]),
-            rng.choice([0.0, rng.uniform(0.0, 1.5)]),
-            0.0,
-            half_length * rng.choice([0.0, rng.uniform(0.0, 0.05)]),
-        )
-        clearance, phi = rng.choice([0.0, rng.uniform(0.0, 2.0)]), rng.uniform(-math.pi, math.pi)
-        motion = rng.uniform(-5.0, 5.0), rng.uniform(-5.0, 0.0), rng.choice([0.0, rng.uniform(-20.0, 20.0)])
-        launch = launched(body, (clearance, phi, *motion))
-        descent = simulate(
-            body, law, Slope(rng.uniform(-0.5, 0.7)), launch, solver=solver, max_time=3.0, record="trajectory"
-        )
-        rows = descent.trajectory
-        height, compression = rows["y"], support_heights(body.record, rows["phi"]) - rows["y"]
-        assert (height >= -1e-9 - (0.0 if solver == "rigid" else np.maximum(compression, 0.0))).all()
-        flat += descent.on_chord is not None
-    assert flat > 20
-
-
-@pytest.mark.parametrize(("angle", "lean"), [(0.0, 1e-15), (1e-58, 0.3)], ids=["tip", "slope"])
-def test_a_vanishing_drive_is_not_a_trap(angle: float, lean: float) -> None:
-    """Oracle: a rod without losses falls over, however slightly it leans; a slope of 1e-58 rad is level."""
-    launch = launched(ROD, (1e-5, 0.5 * math.pi + lean, 0.0, 0.0, 0.0))
-    for friction in (0.0, 1.0):
-        end = simulate(ROD, ContactLaw(1e6, 0.0, friction, 0.0), Slope(angle), launch, max_time=1.0)
-        assert end.status in (Status.TIMEOUT, Status.LOG_FULL)
-
-
 @pytest.mark.parametrize("phi", [3.2, 100.0, -1e6, 1e12, -1e300])
 def test_whole_turns_at_the_launch_cost_no_accuracy(phi: float) -> None:
     """Oracle: the ledger closes as for phi in [-pi, pi]; so it is for every way to simulate, with the same result."""
@@ -382,7 +311,6 @@ def test_an_orientation_less_its_turns_is_as_exact_as_it_was(phi: float) -> None
         assert abs(turns - mpmath.nint(turns)) * 2 * mpmath.pi <= 0.6 * math.ulp(phi)
 
 
-@property_of_all
 @given(bodies, laws, launches, st.floats(-100.0, 100.0))
 def test_on_an_endless_slope_the_place_does_not_matter(
     body: Segment, law: ContactLaw, launch: Any, shift: float
@@ -471,18 +399,6 @@ def test_a_longer_look_begins_with_the_shorter_one() -> None:
     assert np.array_equal(timed.rebounds[:3], full.rebounds[:3])
 
 
-def test_a_log_that_is_just_long_enough_is_not_full() -> None:
-    """Oracle: the same descent with a longer log: the row of the final contact takes a place too."""
-    full = simulate(DISC, LAW, INCLINE, LAUNCH)
-    assert full.status == Status.FINISH
-    assert_same(full, simulate(DISC, LAW, INCLINE, LAUNCH, max_rebounds=len(full.rebounds) + 1))
-    rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
-    jammed = simulate(DISC, rough, Slope(0.05), LAUNCH)
-    assert jammed.status == Status.JAMMED
-    again = simulate(DISC, rough, Slope(0.05), LAUNCH, max_rebounds=len(jammed.rebounds))
-    assert again.status == Status.JAMMED
-
-
 def test_a_jammed_body_is_at_rest_in_a_contact_that_holds_it() -> None:
     """Oracle: zero velocities, N = m g cos beta in the spring, and a stuck last rebound."""
     rough = ContactLaw(1e6, 0.8, 0.8, 0.03)
@@ -504,17 +420,11 @@ def test_a_state_that_overflows_is_reported(launch: State) -> None:
     assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
 
 
+@pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", scenario_names())
-def test_a_few_hundred_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
+def test_launches_of_a_scenario_end_properly_and_close_their_books(name: str, count: int) -> None:
     """Oracle: status, ledger and second law of every descent that the scenario samples."""
-    check_scenario(name, 300, seed=1)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", scenario_names())
-def test_ten_thousand_launches_of_a_scenario_end_properly_and_close_their_books(name: str) -> None:
-    """Oracle: as with a few hundred."""
-    check_scenario(name, 10_000, seed=2)
+    check_scenario(name, count, seed=1)
 
 
 def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
@@ -588,20 +498,6 @@ def test_blocks_put_together_are_the_batch(block: int, monkeypatch: pytest.Monke
     assert_same_batch(whole, simulate_batch(SEGMENT, laws, slopes, states, Settings(**options), keep_rebounds=True))
 
 
-def test_blocks_share_no_memory_and_may_be_left_in_the_middle() -> None:
-    """Oracle: the batch of the lanes that were taken; the input may change meanwhile."""
-    _, _, states = mixed_lanes()
-    whole = simulate_batch(SEGMENT, LAW, INCLINE, states[:16], Settings(max_rebounds=10), keep_rebounds=True)
-    blocks = simulate_blocks(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), block=8)
-    states[:] = np.nan
-    taken = [next(blocks), next(blocks)]
-    blocks.close()  # type: ignore[attr-defined]
-    assert not np.shares_memory(taken[0].outcomes, taken[1].outcomes)
-    assert not np.shares_memory(taken[0].rebounds, taken[1].rebounds)
-    assert np.array_equal(np.concatenate([part.outcomes for part in taken]), whole.outcomes)
-    assert np.array_equal(np.concatenate([part.rebounds for part in taken]), whole.rebounds)
-
-
 def test_an_interrupt_takes_effect_between_blocks(
     monkeypatch: pytest.MonkeyPatch, request: pytest.FixtureRequest
 ) -> None:
@@ -666,14 +562,6 @@ def test_one_law_and_one_slope_serve_all_lanes() -> None:
     assert single.outcomes[0] == shared.outcomes[0]
 
 
-def test_no_lane_is_a_batch_too() -> None:
-    """What a selection that nothing matches gives; laws of no lane would not say what kind they are."""
-    nothing = np.zeros((0, 6))
-    assert len(simulate_batch(SEGMENT, LAW, INCLINE, nothing, keep_rebounds=True).rebounds) == 0
-    with pytest.raises(ValueError, match="law has no row: give one ContactLaw for all where there are no launches"):
-        simulate_batch(SEGMENT, np.zeros((0, len(LAW))), INCLINE, nothing)
-
-
 # --- trajectories -----------------------------------------------------------------------------------------------------
 
 
@@ -684,28 +572,20 @@ def traced(body: Segment = SEGMENT, law: ContactLaw = LAW, **options: Any) -> De
 
 
 @pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
-def test_a_trajectory_runs_from_launch_to_end(body: Segment) -> None:
-    """Oracle: launch and final state; time never runs backwards and no interval is longer than asked for."""
-    descent = traced(body)
-    rows = descent.trajectory
-    assert rows["t"][0] == 0.0
-    assert tuple(rows[list(State._fields)][0]) == descent.launch
-    assert rows["t"][-1] == descent.time
-    assert tuple(rows[list(State._fields)][-1]) == descent.state
-    steps = np.diff(rows["t"])
-    assert (steps >= 0.0).all()
-    assert steps.max() <= 0.01 * (1.0 + 1e-12)
-
-
-@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
-def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Segment) -> None:
-    """Oracle: N >= 0, |F| <= f N, |M| <= delta N, with equality where it slips or turns; no force in flight."""
+def test_a_trajectory_is_whole_and_its_forces_obey_the_law(body: Segment) -> None:
+    """Oracle: launch and end; N = c (1 +- Delta) x, |F| <= f N, |M| <= delta N, equal where it slips or turns."""
     law = ContactLaw(1e6, 0.5, 0.1, 0.001, 0.0005)
-    rows = traced(body, law).trajectory
+    descent = traced(body, law)
+    rows = descent.trajectory
+    assert (rows["t"][0], tuple(rows[list(State._fields)][0])) == (0.0, descent.launch)
+    assert (rows["t"][-1], tuple(rows[list(State._fields)][-1])) == (descent.time, descent.state)
+    steps = np.diff(rows["t"])
+    assert 0.0 <= steps.min() <= steps.max() <= 0.01 * (1.0 + 1e-12)
+    gaps = rows["y"] - np.array([support_height(body, phi) for phi in rows["phi"]])
     flying = rows["feature"] == Feature.NONE
-    assert not rows[flying][["normal", "tangential", "rolling"]].tolist().count(None)
     for name in ("normal", "tangential", "rolling", "slip", "spin"):
         assert (rows[name][flying] == 0.0).all()
+    assert gaps[:-1][flying[:-1]].min() > -1e-13  # it may end in contact
     held = rows[~flying]
     assert len(held) > 100
     arm = np.where(held["feature"] == Feature.ARC, law.rolling_arm, law.corner_rolling_arm)
@@ -717,59 +597,27 @@ def test_forces_stay_in_their_bounds_and_oppose_the_motion(body: Segment) -> Non
     expected = -held["slip"] * law.friction * held["normal"]
     assert held["tangential"][slipping] == pytest.approx(expected[slipping], abs=rounding)
     assert held["rolling"][turning] == pytest.approx((-held["spin"] * arm * held["normal"])[turning], abs=rounding)
+    alone = ~flying[:-1] & (rows["feature"][:-1] != Feature.CHORD)  # there two springs share the load
+    depth, normal = -gaps[:-1][alone], rows["normal"][:-1][alone]
+    assert (normal >= 1e6 * (1.0 - law.asymmetry) * depth - 1e-6).all()
+    assert (normal <= 1e6 * (1.0 + law.asymmetry) * depth + 1e-6).all()
 
 
-@pytest.mark.parametrize("body", [SEGMENT, DISC, ROD])
-def test_the_body_is_above_the_surface_but_for_the_compression(body: Segment) -> None:
-    """Oracle: the support height; N = c (1 +- Delta) x in between."""
-    rows = traced(body).trajectory
-    gaps = rows["y"] - np.array([support_height(body, phi) for phi in rows["phi"]])
-    flying = rows["feature"] == Feature.NONE
-    flying[-1] = False  # it may end in contact
-    assert gaps[flying].min() > -1e-13
-    held = ~flying[:-1] & (rows["feature"][:-1] != Feature.CHORD)  # where two springs share the load
-    depth, normal = -gaps[:-1][held], rows["normal"][:-1][held]
-    least, most = 1e6 * (1.0 - LAW.asymmetry) * depth, 1e6 * (1.0 + LAW.asymmetry) * depth
-    assert (normal >= least - 1e-6).all()
-    assert (normal <= most + 1e-6).all()
-
-
-def test_a_rebound_is_the_integral_of_its_forces() -> None:
-    """Oracle: quadrature of the recorded forces, which jump where the gap turns back; momentum of the record."""
-    descent = traced(DISC, max_rebounds=3, sample_interval=3e-7)
-    rows = descent.trajectory
-    for row in descent.rebounds:
-        inside = rows[(rows["t"] >= row["t"] - row["duration"]) & (rows["t"] <= row["t"])]
-        for impulse, force in (
-            ("normal_impulse", "normal"),
-            ("tangential_impulse", "tangential"),
-            ("rolling_impulse", "rolling"),
-        ):
-            quadrature = np.trapezoid(inside[force], inside["t"])
-            assert row[impulse] == pytest.approx(quadrature, rel=1e-3)
-        g, beta = 9.81, 0.2
-        assert row["u_after"] - row["u_before"] == pytest.approx(
-            row["tangential_impulse"] + g * math.sin(beta) * row["duration"], abs=1e-12
-        )
-        assert row["v_after"] - row["v_before"] == pytest.approx(
-            row["normal_impulse"] - g * math.cos(beta) * row["duration"], abs=1e-12
-        )
-
-
-def test_losses_are_the_integrals_of_their_powers() -> None:
-    """Oracle: quadrature of f N |v_t| and delta N |omega| over the recorded rows."""
-    descent = traced(DISC, max_rebounds=2, sample_interval=3e-7)
-    rows = descent.trajectory
+def test_a_rebound_is_the_integral_of_its_forces_and_their_powers() -> None:
+    """Oracle: quadrature of the recorded forces, f N |v_t| and delta N |omega|; momentum; central differences."""
+    launch, (g, beta) = launched(DISC, (0.0, 1.7, 1.0, -2.0, 3.0)), (9.81, 0.2)
+    options: dict[str, Any] = {"max_rebounds": 1, "record": "trajectory", "sample_interval": 3e-7}
+    descent = simulate(DISC, LAW, Slope(beta), launch, **options)
+    rows, (row,), t = descent.trajectory, descent.rebounds, descent.trajectory["t"]
+    for name in ("normal", "tangential", "rolling"):
+        assert row[f"{name}_impulse"] == pytest.approx(np.trapezoid(rows[name], t), rel=1e-3)
+    along, across = g * math.sin(beta) * row["duration"], g * math.cos(beta) * row["duration"]
+    assert row["u_after"] - row["u_before"] == pytest.approx(row["tangential_impulse"] + along, abs=1e-12)
+    assert row["v_after"] - row["v_before"] == pytest.approx(row["normal_impulse"] - across, abs=1e-12)
     slip_speed = rows["u"] + (0.1 - 0.05 * np.cos(rows["phi"])) * rows["omega"]
-    sliding = np.trapezoid(-rows["tangential"] * slip_speed, rows["t"])
-    rolling = np.trapezoid(-rows["rolling"] * rows["omega"], rows["t"])
-    assert descent.energy.sliding == pytest.approx(sliding, rel=2e-4)
-    assert descent.energy.rolling == pytest.approx(rolling, rel=2e-4)
-
-
-def test_velocities_are_the_rates_of_the_positions() -> None:
-    """Oracle: central differences of the recorded positions, in flight and in contact."""
-    rows = traced(DISC, max_rebounds=2, sample_interval=1e-5).trajectory
+    assert descent.energy.sliding == pytest.approx(np.trapezoid(-rows["tangential"] * slip_speed, t), rel=2e-4)
+    assert descent.energy.rolling == pytest.approx(np.trapezoid(-rows["rolling"] * rows["omega"], t), rel=2e-4)
+    rows = traced(DISC, max_rebounds=2, sample_interval=2e-5).trajectory
     t = rows["t"]
     inner = np.flatnonzero((np.diff(t)[1:] > 1e-7) & (np.diff(t)[:-1] > 1e-7)) + 1
     for place, rate in (("x", "u"), ("y", "v"), ("phi", "omega")):
@@ -790,11 +638,6 @@ def test_a_long_trajectory_is_complete() -> None:
     assert np.abs(coarse.trajectory["y"] - heights).max() < 1e-5
 
 
-def test_a_descent_records_no_trajectory_unless_asked() -> None:
-    """Oracle: the documented default."""
-    assert len(simulate(DISC, LAW, INCLINE, LAUNCH).trajectory) == 0
-
-
 # --- records ----------------------------------------------------------------------------------------------------------
 
 
@@ -807,18 +650,6 @@ def test_the_velocities_before_a_rebound_are_those_of_the_flight() -> None:
     assert rows["v_before"][1:] == pytest.approx(rows["v_after"][:-1] - g * math.cos(beta) * flight, abs=1e-13)
     assert np.array_equal(rows["omega_before"][1:], rows["omega_after"][:-1])
     assert (flight > 0.0).all()
-
-
-def test_a_spinning_wheel_reverses_its_slip_or_rolls_on_high_friction() -> None:
-    """Oracle: a wheel with topspin on a rough level floor leaves rolling (mode 2), on a smooth one sliding (mode 1)."""
-    wheel = segment(1.0, 0.1, 0.0, 5e-3)
-    floor = Slope(0.0, math.inf, 0.0)
-    launch = State(0.0, 0.2, 0.0, 1.0, -2.0, 30.0)
-    modes = [
-        simulate(wheel, ContactLaw(1e6, 0.3, f, 0.0), floor, launch, max_rebounds=1).rebounds[0]["mode"]
-        for f in (2.0, 0.05)
-    ]
-    assert modes == [Mode.STOP_ROLL, Mode.SLIDE_ROLL]
 
 
 def test_a_nearly_stuck_rebound_is_marked() -> None:
@@ -834,26 +665,95 @@ def test_a_nearly_stuck_rebound_is_marked() -> None:
 
 # --- input ------------------------------------------------------------------------------------------------------------
 
-REFUSED = [
-    ({"record": "all"}, ValueError, "record = 'all': must be one of 'rebounds', 'trajectory'"),
-    ({"max_rebounds": 0}, ValueError, "Settings.max_rebounds = 0: must be an integer >= 1"),
-    ({"settings": "rigid"}, TypeError, "settings = 'rigid': must be Settings, such as Settings(solver='rigid')"),
-    ({"launch": LAUNCH[:5]}, TypeError, "must be a State, or as many numbers: x, y, phi, u, v, omega"),
-    ({"launch": None}, TypeError, "launch = None: must be a State"),
-    ({"body": LAW}, TypeError, "body = ContactLaw(stiffness="),
-    ({"body": [DISC] * 2}, TypeError, "must be a Body, such as segment(...) or polygon(...) returns"),
-    ({"body": (1.0, 0.1, 0.05, 7.5e-3, math.pi)}, TypeError, "body = (1.0, 0.1, 0.05, 0.0075, 3.14"),
-    ({"body": DISC.record}, TypeError, "must be a Body, such as segment(...) or polygon(...) returns"),
-    ({"law": (1.0, 2.0)}, TypeError, "law = (1.0, 2.0): must be a ContactLaw"),
-    ({"slope": 3}, TypeError, "slope = 3: must be a Slope, or as many numbers: angle, length, gravity"),
-    ({"launch": LAUNCH._replace(y=0.01)}, ValueError, "State.y = 0.01: the launch lies below the surface"),
-    ({"launch": LAUNCH._replace(x=10.0)}, ValueError, "State.x = 10.0: must be < Slope.length = 10.0 m"),
-    ({"launch": (*LAUNCH[:3], math.nan, *LAUNCH[4:])}, ValueError, "State.u = nan: must be a finite number"),
-    ({"launch": tuple.__new__(State, (*LAUNCH[:5], math.inf))}, ValueError, "State.omega = inf: must be a finite"),
-    ({"law": (*LAW[:1], 1.1, *LAW[2:])}, ValueError, "ContactLaw.asymmetry = 1.1: must be in [0, 1]"),
-    ({"law": (*LAW[:1], 1.0, *LAW[2:])}, ValueError, "law.asymmetry = 1.0 (restitution 0): must be in [0, 1) with"),
-    ({"slope": [0.1, math.nan, 9.81]}, ValueError, "Slope.length = nan: must be in (0, inf]"),
+
+T, V = TypeError, ValueError
+DISC_ROW = [1.0, 0.1, 0.05, 7.5e-3, math.pi]
+NO_BODY = "must be a Body, such as segment(...) or polygon(...) returns"
+
+
+def zoned(*numbers: float) -> tuple[float, ...]:
+    """Row of a slope with zones."""
+    return 0.1, 10.0, 9.81, *numbers
+
+
+# What a field of one descent must not be, and of a lane neither: argument, value, error, message behind owner or lane.
+BAD_FIELDS: list[tuple[str, Any, type[Exception], str, str]] = [
+    ("launch", LAUNCH._replace(y=0.01), V, "State", ".y = 0.01: the launch lies below the surface"),
+    ("launch", LAUNCH._replace(x=11.0), V, "State", ".x = 11.0: must be < Slope.length = 10.0 m"),
+    ("launch", (*LAUNCH[:3], math.nan, *LAUNCH[4:]), V, "State", ".u = nan: must be a finite number"),
+    ("launch", tuple.__new__(State, (*LAUNCH[:5], math.inf)), V, "State", ".omega = inf: must be a finite number"),
+    ("law", (*LAW[:1], 1.1, *LAW[2:]), V, "ContactLaw", ".asymmetry = 1.1: must be in [0, 1]"),
+    ("law", (*LAW[:2], -1.0, *LAW[3:]), V, "ContactLaw", ".friction = -1.0: must be in [0, inf)"),
+    ("law", (*LAW[:1], 1.0, *LAW[2:]), V, "law", ".asymmetry = 1.0 (restitution 0): must be in [0, 1) with"),
+    ("slope", (-2.0, 10.0, 9.81), V, "Slope", ".angle = -2.0: must be in (-pi/2, pi/2) rad"),
+    ("slope", (0.1, math.nan, 9.81), V, "Slope", ".length = nan: must be in (0, inf]"),
 ]
+# What is no argument of one descent.
+BAD_ARGUMENTS: list[tuple[str, Any, type[Exception], str]] = [
+    ("record", "all", V, "record = 'all': must be one of 'rebounds', 'trajectory'"),
+    ("max_rebounds", 0, V, "Settings.max_rebounds = 0: must be an integer >= 1"),
+    ("settings", "rigid", T, "settings = 'rigid': must be Settings, such as Settings(solver='rigid')"),
+    ("launch", LAUNCH[:5], T, "must be a State, or as many numbers: x, y, phi, u, v, omega"),
+    ("launch", None, T, "launch = None: must be a State"),
+    ("body", LAW, T, "body = ContactLaw(stiffness="),
+    ("body", [DISC] * 2, T, NO_BODY),
+    ("body", tuple(DISC_ROW), T, "body = (1.0, 0.1, 0.05, 0.0075, 3.14"),
+    ("body", DISC.record, T, NO_BODY),
+    ("law", (1.0, 2.0), T, "law = (1.0, 2.0): must be a ContactLaw"),
+    ("slope", 3, T, "slope = 3: must be a Slope, or as many numbers: angle, length, gravity"),
+]
+# What is no argument of a batch.
+BAD_BATCHES: list[tuple[str, Any, type[Exception], str]] = [
+    ("settings", {"solver": "rigid"}, T, "settings = {'solver': 'rigid'}: must be Settings, such as"),
+    ("keep_rebounds", "yes", T, "keep_rebounds = 'yes': must be True or False"),
+    ("launches", [[0.0, 1.0, 0.0]], V, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
+    ("launches", [], V, "launches has shape (0,): must be (N, 6)"),
+    ("law", [LAW], V, "law: 1 given for 2 launches; give one or one a launch"),
+    ("law", "ice", T, "law = 'ice': must be a ContactLaw or a sequence of them"),
+    ("law", [LAW, LAW[:3]], T, "law holds object: must hold numbers, columns stiffness, asymmetry"),
+    ("law", [LAW[:4]] * 2, V, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
+    ("slope", None, T, "slope = None: must be a Slope or a sequence of them"),
+    ("slope", [INCLINE, ("steep", 1.0, 9.81)], T, "slope holds <U"),
+    ("slope", [INCLINE, INCLINE[:2]], T, "slope holds object: must hold numbers, columns angle, length"),
+    ("slope", [INCLINE, 3], T, "slope holds object: must hold numbers, columns angle, length, gravity"),
+    ("slope", [INCLINE, tuple(INCLINE)], T, "slope holds object: must hold numbers"),
+    ("slope", np.zeros((2, 4)), V, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
+    ("slope", np.zeros((2, 11)), V, "slope has shape (2, 11): must be (N, 10), columns angle, length, gravity"),
+    ("slope", np.tile(zoned(*[math.nan] * 63), (2, 1)), V, "slope has columns of 9 zones"),
+    *(
+        ("slope", [INCLINE, zoned(*numbers)], V, f"slope[1].zones[{which}].{message}")
+        for numbers, which, message in (
+            ((1.0, 2.0, -0.1, 0.0, 0.0, math.nan, math.nan), 0, "friction = -0.1: must be in [0, inf)"),
+            ((1.0, 2.0, math.nan, 0.0, 0.0, 0.5, 1e6), 0, "friction = nan: must be in [0, inf)"),
+            ((2.0, 1.0, 0.1, 0.0, 0.0, 0.5, 1e6), 0, "end = 1.0: must be > its begin"),
+            ((1.0, 2.0, 0.1, 0.0, 0.0, 1.5, 1e6), 0, "restitution = 1.5: must be in [0, 1]"),
+            ((1.0, 2.0, 0.1, 0.0, 0.0, 0.0, 1e6), 0, "restitution = 0.0: must be in (0, 1] with solver = 'compliant'"),
+            ((1.0, 2.0, 0.1, 0.0, 0.0, math.nan, 0.0), 0, "stiffness = 0.0: must be in (0, inf)"),
+            (
+                (1.0, 3.0, 0.1, 0.0, 0.0, 0.5, 1e6, 2.0, 4.0, 0.1, 0.0, 0.0, 0.5, 1e6),
+                1,
+                "begin = 2.0: must be >= the end of the zone before",
+            ),
+        )
+    ),
+    ("body", [DISC] * 3, V, "body: 3 given for 2 launches; give one or one a launch"),
+    ("body", np.array([DISC_ROW] * 3), V, "body: 3 given for 2 launches; give one or one a launch"),
+    ("body", np.concatenate([DISC.record] * 3), V, "body: 3 given for 2 launches; give one or one a launch"),
+    ("body", "disc", T, "body = 'disc': must be a Body or a sequence of them"),
+    ("body", None, T, "body = None: must be a Body or a sequence of them"),
+    ("body", [DISC, DISC_ROW], T, "body[1] = [1.0, 0.1, 0.05, 0.0075, 3.14"),
+    ("body", np.array([DISC_ROW] * 2)[:, :4], V, "body has shape (2, 4): must be (N, 5), columns mass, radius"),
+    ("body", np.array([["a"] * 5] * 2), T, "body holds <U1: must hold numbers, columns mass, radius"),
+    ("body", np.array([DISC_ROW, [*DISC_ROW[:4], 4.0]]), V, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
+    ("body", np.array([[-1.0, *DISC_ROW[1:]], DISC_ROW]), V, "body[0].mass = -1.0: must be in (0, inf)"),
+    (
+        *("body", np.array([DISC_ROW, [*DISC_ROW[:2], 1.0, *DISC_ROW[3:]]]), V),
+        "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",
+    ),
+    ("block", 0, V, "block = 0: must be an integer >= 1"),
+    ("block", 1.5, T, "block = 1.5: must be an integer >= 1"),
+]
+GOOD: dict[str, Any] = {"body": DISC, "law": LAW, "slope": INCLINE}
 
 
 @pytest.fixture
@@ -864,161 +764,36 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
         raise AssertionError("simulated")
 
     monkeypatch.setattr(simulate_module, "follow_all", run)
-
-
-def test_the_guard_of_these_tests_works(nothing_runs: None) -> None:
-    """Oracle: a good launch does start the loop."""
     with pytest.raises(AssertionError, match="simulated"):
-        simulate(DISC, LAW, INCLINE, LAUNCH)
+        simulate(**GOOD, launch=LAUNCH)
     with pytest.raises(AssertionError, match="simulated"):
-        simulate_batch(DISC, LAW, INCLINE, [LAUNCH])
+        simulate_batch(**GOOD, launches=[LAUNCH])
 
 
 @pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize(("bad", "error", "message"), REFUSED, ids=str)
-def test_bad_input_is_named_and_nothing_is_simulated(bad: dict[str, Any], error: type[Exception], message: str) -> None:
-    """Oracle: the message: field, value and range."""
-    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launch": LAUNCH}
-    with pytest.raises(error) as caught:
-        simulate(**good | bad)
-    assert message in str(caught.value)
+def test_bad_input_is_named_and_nothing_is_simulated() -> None:
+    """Oracle: the message: field or lane, value and range; of blocks on the call, not on the first block."""
 
+    def refused(run: Any, given: dict[str, Any], error: type[Exception], message: str) -> None:
+        with pytest.raises(error) as caught:
+            run(**given)
+        assert message in str(caught.value)
 
-BAD_BATCHES = [
-    ({"settings": {"solver": "rigid"}}, TypeError, "settings = {'solver': 'rigid'}: must be Settings, such as"),
-    ({"keep_rebounds": "yes"}, TypeError, "keep_rebounds = 'yes': must be True or False"),
-    ({"launches": [[0.0, 1.0, 0.0]]}, ValueError, "launches has shape (1, 3): must be (N, 6), columns x, y, phi"),
-    ({"launches": []}, ValueError, "launches has shape (0,): must be (N, 6)"),
-    (
-        {"launches": [LAUNCH, LAUNCH._replace(y=0.01)]},
-        ValueError,
-        "launches[1].y = 0.01: the launch lies below the surface",
-    ),
-    (
-        {"launches": [LAUNCH, LAUNCH._replace(x=11.0)]},
-        ValueError,
-        "launches[1].x = 11.0: must be < Slope.length = 10.0 m",
-    ),
-    (
-        {"launches": [LAUNCH, (*LAUNCH[:3], math.nan, *LAUNCH[4:])]},
-        ValueError,
-        "launches[1].u = nan: must be a finite number",
-    ),
-    ({"law": [LAW]}, ValueError, "law: 1 given for 2 launches; give one or one a launch"),
-    ({"law": "ice"}, TypeError, "law = 'ice': must be a ContactLaw or a sequence of them"),
-    ({"slope": None}, TypeError, "slope = None: must be a Slope or a sequence of them"),
-    ({"law": [LAW, (*LAW[:2], -1.0, *LAW[3:])]}, ValueError, "law[1].friction = -1.0: must be in [0, inf)"),
-    ({"law": [LAW, LAW[:3]]}, TypeError, "law holds object: must hold numbers, columns stiffness, asymmetry"),
-    ({"law": [LAW[:4]] * 2}, ValueError, "law has shape (2, 4): must be (N, 5), columns stiffness, asymmetry"),
-    ({"slope": [INCLINE, ("steep", 1.0, 9.81)]}, TypeError, "slope holds <U"),
-    (
-        {"slope": [(-2.0, *INCLINE[1:3]), INCLINE]},
-        ValueError,
-        "slope[0].angle = -2.0: must be in (-pi/2, pi/2) rad",
-    ),
-    ({"slope": [INCLINE, INCLINE[:2]]}, TypeError, "slope holds object: must hold numbers, columns angle, length"),
-    ({"slope": [INCLINE, 3]}, TypeError, "slope holds object: must hold numbers, columns angle, length, gravity"),
-    ({"slope": [INCLINE, tuple(INCLINE)]}, TypeError, "slope holds object: must hold numbers"),
-    ({"slope": np.zeros((2, 4))}, ValueError, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
-    (
-        {"slope": np.zeros((2, 11))},
-        ValueError,
-        "slope has shape (2, 11): must be (N, 10), columns angle, length, gravity",
-    ),
-    ({"slope": np.tile([0.1, 10.0, 9.81] + [math.nan] * 63, (2, 1))}, ValueError, "slope has columns of 9 zones"),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, -0.1, 0.0, 0.0, math.nan, math.nan)]},
-        ValueError,
-        "slope[1].zones[0].friction = -0.1: must be in [0, inf)",
-    ),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, math.nan, 0.0, 0.0, 0.5, 1e6)]},
-        ValueError,
-        "slope[1].zones[0].friction = nan: must be in [0, inf)",
-    ),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 2.0, 1.0, 0.1, 0.0, 0.0, 0.5, 1e6)]},
-        ValueError,
-        "slope[1].zones[0].end = 1.0: must be > its begin",
-    ),
-    (
-        {"slope": [(0.1, 10.0, 9.81, 1.0, 3.0, 0.1, 0.0, 0.0, 0.5, 1e6, 2.0, 4.0, 0.1, 0.0, 0.0, 0.5, 1e6), INCLINE]},
-        ValueError,
-        "slope[0].zones[1].begin = 2.0: must be >= the end of the zone before",
-    ),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, 1.5, 1e6)]},
-        ValueError,
-        "slope[1].zones[0].restitution = 1.5: must be in [0, 1]",
-    ),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, 0.0, 1e6)]},
-        ValueError,
-        "slope[1].zones[0].restitution = 0.0: must be in (0, 1] with solver = 'compliant'",
-    ),
-    (
-        {"law": [LAW, (*LAW[:1], 1.0, *LAW[2:])]},
-        ValueError,
-        "law[1].asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = 'compliant'",
-    ),
-    (
-        {"slope": [INCLINE, (0.1, 10.0, 9.81, 1.0, 2.0, 0.1, 0.0, 0.0, math.nan, 0.0)]},
-        ValueError,
-        "slope[1].zones[0].stiffness = 0.0: must be in (0, inf)",
-    ),
-    ({"body": [DISC] * 3}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
-    ({"body": np.array([DISC_ROW] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
-    ({"body": np.concatenate([DISC.record] * 3)}, ValueError, "body: 3 given for 2 launches; give one or one a launch"),
-    ({"body": "disc"}, TypeError, "body = 'disc': must be a Body or a sequence of them"),
-    ({"body": None}, TypeError, "body = None: must be a Body or a sequence of them"),
-    ({"body": [DISC, DISC_ROW]}, TypeError, "body[1] = [1.0, 0.1, 0.05, 0.0075, 3.14"),
-    (
-        {"body": np.array([DISC_ROW, DISC_ROW])[:, :4]},
-        ValueError,
-        "body has shape (2, 4): must be (N, 5)",
-    ),
-    ({"body": np.array([DISC, SEGMENT])}, TypeError, "body holds object: must hold numbers, columns mass, radius"),
-    (
-        {"body": np.array([DISC_ROW, [*DISC_ROW[:4], 4.0]])},
-        ValueError,
-        "body[1].half_angle = 4.0: must be in (0, pi] rad",
-    ),
-    ({"body": np.array([[-1.0, *DISC_ROW[1:]], DISC_ROW])}, ValueError, "body[0].mass = -1.0: must be in (0, inf)"),
-    (
-        {"body": np.array([DISC_ROW, [*DISC_ROW[:2], 1.0, *DISC_ROW[3:]]])},
-        ValueError,
-        "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",
-    ),
-    (
-        {"body": [DISC, SEGMENT], "launches": [LAUNCH._replace(y=0.2)] * 2},
-        ValueError,
-        "launches[1].y = 0.2: the launch lies below the surface",
-    ),
-]
-
-
-@pytest.mark.usefixtures("nothing_runs")
-@pytest.mark.parametrize(("bad", "error", "message"), BAD_BATCHES, ids=str)
-def test_a_bad_batch_is_named_and_nothing_is_simulated(
-    bad: dict[str, Any], error: type[Exception], message: str
-) -> None:
-    """Oracle: the message: argument or lane, value and range."""
-    good = {"body": DISC, "law": LAW, "slope": INCLINE, "launches": [LAUNCH, LAUNCH]}
-    with pytest.raises(error) as caught:
-        simulate_batch(**good | bad)
-    assert message in str(caught.value)
-    with pytest.raises(error) as caught:  # on the call, not on the first block
-        simulate_blocks(**good | bad)
-    assert message in str(caught.value)
-
-
-@pytest.mark.usefixtures("nothing_runs")
-def test_a_wrong_block_is_named() -> None:
-    """Oracle: the message."""
-    with pytest.raises(ValueError, match="block = 0: must be an integer >= 1"):
-        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=0)
-    with pytest.raises(TypeError, match=r"block = 1.5: must be an integer >= 1"):
-        simulate_blocks(DISC, LAW, INCLINE, [LAUNCH], block=1.5)  # type: ignore[arg-type]
+    pair: dict[str, Any] = GOOD | {"launches": [LAUNCH, LAUNCH]}
+    for argument, value, error, owner, message in BAD_FIELDS:
+        refused(simulate, GOOD | {"launch": LAUNCH} | {argument: value}, error, owner + message)
+        plural = "launches" if argument == "launch" else argument
+        good = tuple(LAW) if argument == "law" else tuple(INCLINE[:3]) if argument == "slope" else LAUNCH
+        refused(simulate_batch, pair | {plural: [good, value]}, error, f"{plural}[1]{message}")
+    for argument, value, error, message in BAD_ARGUMENTS:
+        refused(simulate, GOOD | {"launch": LAUNCH} | {argument: value}, error, message)
+    for argument, value, error, message in BAD_BATCHES:
+        for run in (simulate_batch, simulate_blocks) if argument != "block" else (simulate_blocks,):
+            refused(run, pair | {argument: value}, error, message)
+    small = pair | {"body": [DISC, SEGMENT], "launches": [LAUNCH._replace(y=0.2)] * 2}
+    refused(simulate_batch, small, V, "launches[1].y = 0.2: the launch lies below the surface")
+    nobody = GOOD | {"launches": np.zeros((0, 6)), "law": np.zeros((0, len(LAW)))}
+    refused(simulate_batch, nobody, V, "law has no row: give one ContactLaw for all where there are no launches")
 
 
 def test_a_launch_on_the_surface_up_to_rounding_is_accepted() -> None:

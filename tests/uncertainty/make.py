@@ -50,6 +50,18 @@ ZONED: dict[str, Any] = {
     "launches": 200,
 }
 
+# A sled that rides over the bumps of a shipped scenario, without trims.
+ROLLERS: dict[str, Any] = {
+    "id": "rollers",
+    "title": "Over rollers",
+    "scenario": "sled_rollers",
+    "slope": {"angle_deg": 4.5},
+    "contact": {"friction": {"kind": "uniform", "low": 0.004, "high": 0.012}, "restitution": 0.1},
+    "launch": {"speed_m_s": {"kind": "normal", "mean": 9, "sd": 0.5}},
+    "stations_m": [10, 20, 30, 50],
+    "launches": 40,
+}
+
 
 def mapping(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A study with some keys of its sections changed, dots in their names written as two underscores; None removes."""

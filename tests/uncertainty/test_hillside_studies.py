@@ -16,12 +16,12 @@ from sledenv import Settings
 from sledenv.machine.files import replacing
 from sledenv.scenarios.rocks import RockBody
 from sledenv.simulation.checks import checked_lanes
-from sledenv.simulation.lanes import NO_LOGS
 from sledenv.simulation.records import FINISH, STATUS_OF_CODE
 from sledenv.simulation.scene import Tracks
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty import Study, StudyError, load_study, run, summary
-from sledenv.uncertainty.passages import _follow, descend_over
+from sledenv.uncertainty.descents import follow
+from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.terrain import read_section
 
 UNIFORM = {"kind": "uniform", "low": 0.3, "high": 0.5}
@@ -59,7 +59,7 @@ def test_passages_are_those_of_descents_that_end_there() -> None:
     given = checked_lanes(lanes.bodies, lanes.laws, lanes.slopes._replace(rows=rows), lanes.launches, settings)
     swung = flown = touched = 0
     for k, x in enumerate(study.stations[1:], 1):
-        there = _follow(given, np.full(len(lanes.launches), x), settings, NO_LOGS)
+        there = follow(given.tables(settings.limits), np.full(len(lanes.launches), x))
         comes = there["status"] == FINISH
         assert np.isnan(found.speed[~comes, k]).all()
         both = comes & ~np.isnan(found.speed[:, k])

@@ -118,13 +118,7 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
         "segment": {"mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 100},
         "sled": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
         | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
-        "custom": {
-            "mass_kg": 2,
-            "radius_m": 0.5,
-            "eccentricity_m": 0.1,
-            "inertia_kg_m2": 0.2,
-            "half_angle_deg": 120,
-        },
+        "custom": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2, "half_angle_deg": 120},
         "polygon": {"mass_kg": 2, "rounding_m": 0.05},
         "rock": {"length_m": 0.6, "width_ratio": 0.7, "depth_ratio": 0.8, "rounding": 0.2}
         | {"density_kg_m3": 2600, "shape": 0.3},
@@ -154,7 +148,7 @@ def test_draws_go_where_their_keys_say() -> None:
     )
     _, laws, slopes, launches = study.lanes(study.values(np.full((2, 7), 0.25)))
     assert laws[0] == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
-    assert slopes[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
+    assert slopes.rows[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
     assert launches[0] == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
 
 
@@ -189,7 +183,7 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "contact.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (
-            {"scenario": "sled_patch", "zone__fricton": UNIFORM},
+            {"scenario": "sled_snow", "zone__fricton": UNIFORM},
             "zone.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (

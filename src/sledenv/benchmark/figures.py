@@ -39,12 +39,11 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "land_parallel": (PURPLE, "D"),
     "ppo": (ORANGE, "^"),
     "sac": (BLUE, "o"),
-    "td3": (GREEN, "v"),
     "tqc": (SKY, ">"),
     "critic": (RED, "P"),
     "replan": (INK, "p"),
 }
-_ACRONYMS: Final = ("ppo", "sac", "td3", "tqc")
+_ACRONYMS: Final = ("ppo", "sac", "tqc")
 _OTHERS: Final = (("#6F9E9B", "X"), ("#8C6D31", "h"), ("#A0527A", "*"))
 _SMALLEST: Final = 1e-5  # regret that is still told from none
 _MAPS: Final = 3  # contexts a scenario of which the jam map is drawn

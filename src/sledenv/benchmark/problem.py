@@ -121,7 +121,19 @@ class Problem:
         self.actions: int = self.action_space.shape[0]
         self.noise: NDArray[np.float64] = self.task.noise
         bounds = self.scenario.control_bounds
+        self._seen_by: Task | None = None  # as whose contexts agents see those of this one
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
+
+    def shifted(self) -> Problem:
+        """Return the problem in contexts of a kind that no one trains on, to judge agents of this one in them.
+
+        They are those of :meth:`sledenv.Scenario.shifted`. Agents see them scaled as they are used to.
+        """
+        task, noise = self.task, tuple(self.noise.tolist())
+        given = self.scenario.shifted(), self.environment, self.control
+        other = Problem(*given, solver=task.solver, launch_noise=noise, observe=task.observed)
+        other._seen_by = task
+        return other
 
     def seeing_all(self) -> Problem:
         """Return the same problem for one from whom nothing is hidden."""
@@ -259,7 +271,7 @@ class Problem:
         task, many = self.task, trials.shape[1]
         contexts = trials.reshape(-1, trials.shape[2])
         if self.environment == "launch":
-            actions = self._answer(agent, task.observe(trials[:, 0]))
+            actions = self._answer(agent, trials[:, 0])
             launches = task.launches(contexts, np.repeat(actions, many, axis=0))
             return task.descend_batch(contexts, launches), actions
         batch, trims = self.ride(agent, contexts)
@@ -293,7 +305,7 @@ class Problem:
             moving = np.flatnonzero(flights["status"] == RUNNING)
             if not moving.size:
                 break
-            chosen = self._answer(agent, task.observe(contexts[moving], flights[moving]))
+            chosen = self._answer(agent, contexts[moving], flights[moving])
             spins[:] = 0.0
             spins[moving] = task.spins(contexts[moving], chosen, np.full(len(moving), len(trims)))
             trims.append(np.full((len(contexts), 1), np.nan))
@@ -301,8 +313,12 @@ class Problem:
             rides.hop(spins)
         return rides.descents(), np.hstack(trims or [np.full((len(contexts), 1), np.nan)])
 
-    def _answer(self, agent: Policy, observations: NDArray[np.float32]) -> NDArray[np.float64]:
+    def _answer(self, agent: Policy, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
+        if self._seen_by is None:
+            observations = self.task.observe(contexts, flights)
+        else:
+            observations = self._seen_by.observe(contexts, flights, self.scenario)
         whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
         with blaming(whose, "act"):
             actions = agent.act(observations)

@@ -27,13 +27,13 @@ from sledenv.machine.extras import folder_of
 from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
-TRAINED: Final = folder_of("agents") / "trained"  # what ships: a critic for every scenario
+TRAINED: Final = folder_of("agents") / "trained"  # what ships
 SETTINGS: Final = CONFIGS / "agents"  # those that ship
 _SHIPPED: Final = "sledenv.agents."
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
 _log = logging.getLogger("sledenv")
-_PACKAGES: Final = ("sledenv", "cma", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
+_PACKAGES: Final = ("sledenv", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
 
 
 def agent_class(module: str) -> type[Agent]:
@@ -258,7 +258,7 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     Parameters
     ----------
     folder : Path
-        Where there is none, the run of that name that ships, such as "sled_snow-launch-orientation-critic-s0".
+        Where there is none, the run of that name that ships, such as "sled_mat-launch-spin-critic-s0".
 
     Raises
     ------

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
 from pydantic import Field, field_validator, model_validator
 
@@ -67,9 +67,10 @@ class Entry(Section):
 
 
 class Suite(Document):
-    """A benchmark: every agent on every scenario, on the same held-out contexts.
+    """A benchmark: every agent of an environment on every scenario of it, on the same held-out contexts.
 
-    The keys are those of the YAML file. Instances are immutable.
+    The keys are those of the YAML file, where a list of ``scenarios`` is for all environments. Instances are
+    immutable.
     """
 
     called: ClassVar[str] = "suite"
@@ -78,7 +79,7 @@ class Suite(Document):
 
     title: str
     contexts: Annotated[int, Whole("[2, 100000]")]  # held-out contexts of each scenario
-    scenarios: Annotated[tuple[str, ...], Field(min_length=1)]  # as for load_scenario
+    scenarios: dict[Environment, Annotated[tuple[str, ...], Field(min_length=1)]]  # as for load_scenario
     # module of the agent -> number of seeds, or an Entry
     agents: Annotated[dict[Environment, Annotated[dict[str, Entry], Field(min_length=1)]], Field(min_length=1)]
     settings: str = str(SETTINGS)  # folder of the hyperparameters, as seen from the file
@@ -87,14 +88,26 @@ class Suite(Document):
     exact: bool = False  # whether launches are hit exactly, which is a track of its own
     maps: Annotated[int, Whole("[0, inf)")] = 2  # contexts of each scenario whose jam map is kept
 
+    @model_validator(mode="before")
+    @classmethod
+    def _in_all(cls, given: Any) -> Any:
+        if isinstance(given, Mapping) and isinstance(given.get("scenarios"), (list, tuple)):
+            of = given["agents"] if isinstance(given.get("agents"), Mapping) else get_args(Environment)
+            return {**given, "scenarios": dict.fromkeys(of, given["scenarios"])}
+        return given
+
     @field_validator("scenarios")
     @classmethod
-    def _known(cls, names: tuple[str, ...]) -> tuple[str, ...]:
-        ids = {load_scenario(name).id for name in names}
-        if len(ids) < len(names) or len({Path(name).stem for name in names}) < len(names):
-            raise ValueError("must not repeat a scenario, its id or the name of its file")
+    def _known(cls, scenarios: dict[Environment, tuple[str, ...]]) -> dict[Environment, tuple[str, ...]]:
+        for names in scenarios.values():
+            ids = {load_scenario(name).id for name in names}
+            if len(ids) < len(names) or len({Path(name).stem for name in names}) < len(names):
+                raise ValueError("must not repeat a scenario, its id or the name of its file")
         # A worker may have another working folder.
-        return tuple(os.path.abspath(name) if name.endswith(".yaml") else name for name in names)
+        return {
+            kind: tuple(os.path.abspath(name) if name.endswith(".yaml") else name for name in names)
+            for kind, names in scenarios.items()
+        }
 
     @field_validator("agents")
     @classmethod
@@ -114,20 +127,28 @@ class Suite(Document):
             raise ValueError(f"must be 'all' or list fields of the context, {', '.join(Context.seen)}")
         return observe
 
+    @model_validator(mode="after")
+    def _asked_of_someone(self) -> Self:
+        if self.scenarios.keys() != self.agents.keys():
+            raise ValueError(f"scenarios: must be a list, or have the keys of agents: {', '.join(self.agents)}")
+        return self
+
     @property
     def words(self) -> str:
         """What is to be done, for a reader."""
-        entries = [entry for agents in self.agents.values() for entry in agents.values()]
-        seeds = sum(entry.seeds * max(1, len(entry.variants)) for entry in entries)
-        agents = len({module for agents in self.agents.values() for module in agents})
-        jobs = (
-            f"{seeds * len(self.scenarios)} jobs ({agents} agents with their seeds, scenarios: {len(self.scenarios)})"
+        trained = sum(
+            len(self.scenarios[kind]) * entry.seeds * max(1, len(entry.variants))
+            for kind, agents in self.agents.items()
+            for entry in agents.values()
         )
+        agents = len({module for agents in self.agents.values() for module in agents})
+        scenarios = len({scenario for scenario, _ in self.questions()})
+        jobs = f"{trained} jobs ({agents} agents with their seeds, scenarios: {scenarios})"
         return f"suite {self.id}, {self.title}: {jobs}, each judged in {self.contexts} contexts"
 
     def questions(self) -> list[tuple[str, Environment]]:
         """Return each scenario with each environment in which it is asked."""
-        return [(scenario, environment) for scenario in self.scenarios for environment in self.agents]
+        return [(scenario, kind) for kind, names in self.scenarios.items() for scenario in names]
 
     def problem(self, scenario: str, environment: Environment = "launch") -> Problem:
         """Return what the agents of the suite are given in a scenario."""
@@ -164,16 +185,15 @@ class Suite(Document):
         ]
         settings = {
             (kind, module, scenario, variant): self._settings(module, problem, changes)
-            for scenario in self.scenarios
-            for kind in self.agents
+            for scenario, kind in self.questions()
             for problem in [self._problem(scenario, kind)]
             for of, module, _, variant, changes in named
             if of == kind
         }
         for seed in range(max((seeds for _, _, seeds, *_ in named), default=0)):
-            for scenario in self.scenarios:
+            for scenario, asked in self.questions():
                 for kind, module, seeds, variant, _ in named:
-                    if seed < seeds:
+                    if kind == asked and seed < seeds:
                         chosen = dict(settings[kind, module, scenario, variant])
                         yield Job(module, kind, scenario, seed, chosen, self._given(), variant)
 

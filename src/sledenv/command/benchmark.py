@@ -93,7 +93,7 @@ def benchmark(
     Parameters
     ----------
     suite
-        smoke, full, minutes, lookups, trims, hidden, exact, raw, or a file that ends in .yaml.
+        smoke, launch, hidden, rides, or a file that ends in .yaml.
     out
         Default: runs/benchmark/SUITE.
     """

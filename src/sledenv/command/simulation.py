@@ -244,7 +244,9 @@ def play(
     from sledenv.scenarios.scenario import load_scenario
 
     if scenario is None and (launch != _DRAWN or solver != "compliant" or runs):
-        raise ValueError("play: a launch, surfaces or a run are asked for, of no scenario: name one, such as sled_snow")
+        raise ValueError(
+            "play: a launch, surfaces or a run are asked for, of no scenario: name one, such as sled_rollers"
+        )
     with ExitStack() as places:
         page = taken(places, "--html", replacing(html, ".html", ".htm"))
         if scenario is None:

@@ -50,7 +50,7 @@ class SledDescent(SledLaunch):
 
     def __init__(
         self,
-        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
+        scenario: str | os.PathLike[str] | Scenario = "sled_rollers",
         render_mode: str | None = None,
         *,
         info: Sequence[str] = INFO_KEYS,

@@ -50,7 +50,7 @@ def make_vec_env(
     start_index : int
         The action space is seeded with ``seed + start_index``.
     env_kwargs : dict, optional
-        Arguments of the environment, such as ``{"scenario": "sled_brow"}``; with ``"render_mode": "rgb_array"`` it can
+        Arguments of the environment, such as ``{"scenario": "sled_mat"}``; with ``"render_mode": "rgb_array"`` it can
         be drawn, which stable-baselines3 takes by default.
     info : sequence of str
         Entries of the scalar environment's info to give; each costs a dict of every lane at every step.

@@ -23,7 +23,7 @@ from sledenv.scenarios.tracks import AHEAD, BEHIND, normal_pairs, vertices_aroun
 from sledenv.simulation.bodies import Body, Segment, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
-from sledenv.simulation.records import OUTCOME, REBOUND
+from sledenv.simulation.records import OUTCOME, REBOUND, Status
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
 from sledenv.simulation.scene import ContactLaw, Profile, Slope, State, Tracks
@@ -278,7 +278,9 @@ class Task:
             heights[rows] = support_heights(body, phi[rows])
         return heights
 
-    def observe(self, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float32]:
+    def observe(
+        self, contexts: Contexts, flights: np.ndarray | None = None, elsewhere: Scenario | None = None
+    ) -> NDArray[np.float32]:
         """Return what agents see, float32 in [-1, 1], shape (n, len(observation_names)).
 
         Contexts are scaled by the ranges of the scenario. What does not vary, what is not observed and what the agent
@@ -289,11 +291,14 @@ class Task:
         contexts : ndarray, shape (n, 12) or (n, 14)
         flights : ndarray of OUTCOME, shape (n,)
             Where the descents of a ride stand.
+        elsewhere : Scenario, optional
+            To which contexts and flights belong, if not to this one, see :meth:`Scenario.shifted`: what is seen is
+            scaled as here, and may lie outside [-1, 1].
         """
         centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
         parts = [np.where(self.varies, centred, 0.0)]
         x = np.zeros(len(contexts)) if flights is None else flights["x"]
-        around, there, ground = vertices_around(self.scenario.vertices(contexts), x)
+        around, there, ground = vertices_around((elsewhere or self.scenario).vertices(contexts), x)
         if flights is not None:
             parts.append(self._scaled(contexts, flights, ground))
         if self._reach > 0.0:
@@ -301,7 +306,7 @@ class Task:
             parts.append(blocks[:, self._told].reshape(len(contexts), -1))
         scaled = np.hstack(parts)
         scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
-        return np.asarray(np.minimum(np.maximum(scaled, -1.0), 1.0), np.float32)
+        return np.asarray(np.minimum(np.maximum(scaled, -1.0), 1.0) if elsewhere is None else scaled, np.float32)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations, up to the rounding of float32.
@@ -425,6 +430,23 @@ class Task:
         """Return the descent that :meth:`descend` simulates at its launch, to be followed flight by flight."""
         given = *self._scene(contexts), launch, self.settings
         return Ride(*given, record=record, rotor_inertia=self._rotor, shortest_flight=self._shortest)
+
+    def ridden(self, contexts: Contexts, trims: Sequence[float], record: Record = "rebounds") -> Descent:
+        """Return the ride of trims in [-1, 1], of one flight after the other, in contexts with one row.
+
+        Flights behind the last of them are ridden with what it lends.
+        """
+        ride = self.ride(contexts, State.found(self.launches(contexts)[0].tolist()), record)
+        if ride.status == Status.RUNNING:
+            ride.await_flight()
+        for decision, trim in enumerate(trims):
+            if ride.status != Status.RUNNING:
+                break
+            (spin,) = self.spins(contexts, np.array([[trim]]), np.array([decision])).tolist()
+            if self._rotor is not None:
+                ride.trim(spin)
+            ride.hop()
+        return ride.run()
 
     def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
         """Return what the first row of contexts is a descent of."""

@@ -313,7 +313,7 @@ class SledDescentVector(SledVectorEnv, VectorEnv[NDArray[np.float32], NDArray[np
     def __init__(
         self,
         num_envs: int = 1,
-        scenario: str | os.PathLike[str] | Scenario = "sled_snow",
+        scenario: str | os.PathLike[str] | Scenario = "sled_rollers",
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         info: Sequence[str] = CHEAP_INFO,
         render_mode: str | None = None,

@@ -16,6 +16,7 @@ from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from sledenv.identification.tables import RECORDING
 from sledenv.identification.tracks import POSE, TIME, TrackFit
+from sledenv.machine.files import no_formula
 from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import replay_page
 from sledenv.plot.style import BLUE, DASHES, INK, ORANGE, WIDTH, styled
@@ -81,10 +82,11 @@ def track_files(recordings: int) -> list[str]:
 def write_tracks(found: TrackFit, folder: Path) -> None:
     """Write the tables of a fit to tracks, and of each recording a page that shows it beside the simulated motion."""
     found.table.to_csv(folder / "parameters.csv")
-    found.used.to_csv(folder / "recordings.csv")
-    found.residuals.to_csv(folder / "residuals.csv", index=False)
-    launches = pd.DataFrame(found.launches.values(), pd.Index(found.launches, name="recording"), LAUNCH)
-    launches.to_csv(folder / "launches.csv")
+    found.used.rename(index=no_formula).to_csv(folder / "recordings.csv")
+    names = found.residuals[RECORDING].map(no_formula)
+    found.residuals.assign(**{RECORDING: names}).to_csv(folder / "residuals.csv", index=False)
+    launches = pd.DataFrame(found.launches.values(), pd.Index(found.launches, name=RECORDING), LAUNCH)
+    launches.rename(index=no_formula).to_csv(folder / "launches.csv")
     for k, one in enumerate(found.recordings):
         title = f"Recorded and simulated: {one.name}"
         page = replay_page(found.descent(one.name), title, found.ghost(one.name))

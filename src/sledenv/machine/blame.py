@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import traceback
 from collections.abc import Iterator
@@ -9,6 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from sledenv.machine.extras import MissingPackage
+
+_FULL = errno.ENOSPC, errno.EDQUOT
 
 
 class GivenCodeError(RuntimeError):
@@ -32,15 +35,28 @@ def blaming(whose: str, deed: str) -> Iterator[None]:
         If it raises an error, which is the cause; a command would tell a ValueError as wrong input.
     MissingPackage
         As it is: it says what to install.
+    OSError
+        If a disk is full, which is not the fault of this code.
     """
     try:
         yield
     except MissingPackage:
         raise
     except Exception as error:
+        if (full := _full_disk(error)) is not None:
+            raise OSError(f"{whose}: {deed}: {full.strerror}: {full.filename or 'a file'} was not written") from error
         words = " ".join(str(error).split())
         kind = type(error).__name__
         raise GivenCodeError(f"{whose}: {deed} raised {kind}: {words}{_place(error)}") from error
+
+
+def _full_disk(error: BaseException | None) -> OSError | None:
+    """Return the error of a full disk that is this one, or that it comes of."""
+    while error is not None:
+        if isinstance(error, OSError) and error.errno in _FULL:
+            return error
+        error = error.__cause__ or error.__context__
+    return None
 
 
 def _place(error: Exception) -> str:

@@ -147,11 +147,21 @@ else:
 
 
 def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
-    """Write a table as comma-separated values; a float has all its digits."""
+    """Write a table as comma-separated values; a float has all its digits, and text is :func:`no_formula`."""
     with file.open("w", encoding="utf-8", newline="") as lines:
         writer = csv.writer(lines, lineterminator="\n")
-        writer.writerow(header)
-        writer.writerows(rows)
+        writer.writerow(map(no_formula, header))
+        writer.writerows(map(no_formula, row) for row in rows)
+
+
+def no_formula(cell: object) -> object:
+    """Return a cell of a table; text that a spreadsheet would run as a formula has an apostrophe before it."""
+    if isinstance(cell, str) and cell.lstrip().startswith(("=", "+", "-", "@")) and cell != "-":
+        try:
+            float(cell)
+        except ValueError:
+            return f"'{cell}"
+    return cell
 
 
 def write_table(file: Path, columns: Mapping[str, Sequence[object]], *, parquet: bool) -> None:

@@ -34,6 +34,7 @@ def plot_strobe(
     labels: Sequence[str] | None = None,
     frames: int = 14,
     whole: bool = True,
+    between: tuple[float, float] | None = None,
 ) -> Figure:
     """Draw descents as strobe pictures, one panel each, all to one scale.
 
@@ -53,6 +54,8 @@ def plot_strobe(
         About this many poses of the shortest descent, >= 2; poses that would lie on top of each other are left out.
     whole : bool
         Show the slope to its end, otherwise only where the sleds went.
+    between : pair of float, optional
+        Show only what is between these places along the slope [m].
 
     Returns
     -------
@@ -63,7 +66,8 @@ def plot_strobe(
     ImportError
         If matplotlib is missing.
     ValueError
-        If there is no descent, one has no trajectory, ``frames`` < 2 or the number of labels differs.
+        If there is no descent, one has no trajectory or none of it ``between``, ``frames`` < 2 or the number of labels
+        differs.
     """
     descents = [descents] if isinstance(descents, Descent) else list(descents)
     if not descents:
@@ -84,7 +88,7 @@ def plot_strobe(
         interval = _round_interval(max(map(partial(_usual_interval, interval), descents, tracks)))
         fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
         speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
-        boxes = [_box(descent, rows, whole) for descent, rows in zip(descents, tracks, strict=True)]
+        boxes = [_box(descent, rows, whole, between) for descent, rows in zip(descents, tracks, strict=True)]
         low = min(box[0, 0] for box in boxes)
         high = max(box[1, 0] for box in boxes)
         heights = [float(np.clip(8.0 * (box[1, 1] - box[0, 1]) / (high - low), 1.0, 4.5)) for box in boxes]
@@ -131,11 +135,15 @@ def _round_interval(interval: float) -> float:
     )
 
 
-def _box(descent: Descent, rows: np.ndarray, whole: bool) -> np.ndarray:
+def _box(descent: Descent, rows: np.ndarray, whole: bool, between: tuple[float, float] | None) -> np.ndarray:
     """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
     size = descent.body.size
     slope, path = descent.slope, np.stack([rows["x"], rows["y"]], axis=-1)
     ends = [0.0, slope.length] if whole and math.isfinite(slope.length) else []
+    if between is not None:
+        ends, path = list(between), path[(between[0] <= path[:, 0]) & (path[:, 0] <= between[1])]
+        if not len(path):
+            raise ValueError(f"between = {between!r}: a descent has nothing there")
     places = [*path[:, 0].tolist(), *ends]
     ground = surface(slope.vertices, min(places), max(places))
     world = to_world(np.concatenate([path, ground]), slope.angle)

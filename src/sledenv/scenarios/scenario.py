@@ -54,6 +54,7 @@ from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.support import resting_heights, within_a_turn
 
 Split = Literal["train", "validation", "test"]
+_SHIFT: Final = 1.25  # by which speeds and bumps are raised in contexts of a kind that no one trains on
 NOISY: Final = ("orientation", "spin")  # what launch noise disturbs, chosen or not
 
 _CELLS = 2.0**20  # of each range: a split has a part of its own of every cell
@@ -335,6 +336,11 @@ class Scenario(Document):
         """Lowest and highest value of each of ``CONTROLS`` that an agent may choose, in the units of the YAML keys."""
         return _given({control.name: getattr(self.control, key) for key, control in ControlSection.controls().items()})
 
+    @property
+    def is_ride(self) -> bool:
+        """Whether it is a question for a rider: there is one, and ground that is no plane."""
+        return self.rider is not None and self.extent[0] > 0.0
+
     def ride(self) -> Scenario:
         """Return the scenario of rides, whose launches nobody chooses: a context draws what an agent might choose.
 
@@ -343,6 +349,19 @@ class Scenario(Document):
         launch = self.launch_section
         left = {key: getattr(self.control, key) for key, own in launch if own is None}
         return self.model_copy(update={"launch_section": launch.model_copy(update=left)}) if left else self
+
+    def shifted(self) -> Scenario:
+        """Return the scenario with launches that are a quarter faster, over bumps that are a quarter higher.
+
+        No one trains on it: it says what an agent is worth outside of what it has learned.
+        """
+        launch, slope = self.launch_section, self.slope_section
+        faster = launch.model_copy(update={"speed_m_s": _raised(launch.speed_m_s)})
+        if slope.bumps is not None:
+            bumps = slope.bumps.model_copy(update={"height_m": _raised(slope.bumps.height_m)})
+            slope = slope.model_copy(update={"bumps": bumps})
+        content = self.model_copy(update={"launch_section": faster, "slope_section": slope}).model_dump(by_alias=True)
+        return Scenario.model_validate(content)
 
     def errors(self, contexts: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the errors [rad/s] of the spins that riders lend in flights, normal ones of ``rider.noise_rad_s``.
@@ -703,6 +722,11 @@ def _checked(key: str, value: Any) -> Any:
 
 
 @lru_cache
+def _raised(pair: Pair) -> Pair:
+    low, high = pair
+    return _SHIFT * low, _SHIFT * high
+
+
 def _build(section: AnyBody) -> tuple[Body, ...]:
     return tuple(one.build() for one in (section.of if isinstance(section, ChoiceBody) else (section,)))
 

@@ -270,7 +270,7 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
         size of the body of a piece that is not level.
     """
     bodies, tracks = lanes.bodies, lanes.tracks
-    if not any(map(len, tracks.vertices)):
+    if tracks.is_plane:
         return
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
@@ -320,6 +320,14 @@ def _admit(names: _Names, lanes: CheckedLanes) -> None:
     x, y, phi = lanes.launches.T[:3]
     if np.count_nonzero(np.abs(phi) > np.pi):
         phi[:] = within_a_turn(phi)
+    lengths = lanes.slopes[:, 1]
+    beyond = x >= lengths
+    if np.count_nonzero(beyond):
+        i = int(np.argmax(beyond))
+        length = float(lengths[i if len(lengths) > 1 else 0])
+        raise ValueError(f"{names.launch.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
+    if lanes.tracks.is_plane and not np.count_nonzero(y < (1.0 + _SURFACE) * lanes.bodies["size"]):
+        return  # all are further up than their bodies reach
     lowest = resting_heights(lanes.bodies, x, phi, lanes.tracks)
     lies = y < lowest
     if np.count_nonzero(lies):
@@ -332,9 +340,3 @@ def _admit(names: _Names, lanes: CheckedLanes) -> None:
                 f"y >= {float(lowest[i])!r} m"
             )
         y[lies] = lowest[lies]
-    lengths = lanes.slopes[:, 1]
-    beyond = x >= lengths
-    if np.count_nonzero(beyond):
-        i = int(np.argmax(beyond))
-        length = float(lengths[i if len(lengths) > 1 else 0])
-        raise ValueError(f"{names.launch.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")

@@ -14,6 +14,7 @@ from threading import Event
 from typing import Any, NamedTuple, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
@@ -28,6 +29,11 @@ _BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one
 _WORTH_A_THREAD = 64  # lanes that take longer than to wake it
 NO_ROWS = np.zeros(0, TRAJECTORY)
 _LITTLE = 1 << 26  # bytes that every machine has
+
+
+def blank(dtype: np.dtype) -> np.ndarray:
+    """Return a record of zeros, shape (1,); np.zeros would look at its fields one by one."""
+    return np.ndarray(1, dtype, bytearray(dtype.itemsize))
 
 
 def new_log(max_rebounds: int) -> np.ndarray:
@@ -81,7 +87,7 @@ class Tables(NamedTuple):
     tracks: np.ndarray  # see :func:`sledenv.simulation.scene.laid`
     pieces: np.ndarray  # of the ground, of all tracks
 
-    def part(self, lanes: slice) -> Self:
+    def part(self, lanes: slice | NDArray[np.intp]) -> Self:
         """Return those of some lanes."""
         rows = {name: getattr(self, name) for name in ("bodies", "laws", "slopes", "launches", "tracks")}
         return self._replace(**{name: table[lanes] for name, table in rows.items() if len(table) > 1})
@@ -114,7 +120,7 @@ def follower(
     Arguments are those of :func:`sledenv.kernel.batch.descend_lanes`; ``rebounds`` of shape (0, 0) keeps none.
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
-    space = np.ndarray(1, SPACE, np.zeros(SPACE.itemsize, np.uint8))  # zeros of this type would be looked at one by one
+    space = blank(SPACE)
     rigid, limits, *given, tracks, pieces = tables
     written = flights, logs, trajectory, space
     run = run_lanes.prepared(rigid, limits, *given, trims, tracks, pieces, *written)

@@ -213,6 +213,7 @@ def descent_of(
 ) -> Descent:
     """Descent out of what the kernel has written; shares no log with it."""
     values: Any = outcome.item()  # one by one fields take far longer to read
+    own = bytearray(rebounds[: values[_REBOUNDS]].tobytes())  # and to copy
     return Descent(
         body=body,
         law=law,
@@ -221,7 +222,7 @@ def descent_of(
         status=STATUS_OF_CODE[values[_STATUS]],
         time=values[_TIME],
         state=_state_in(values),
-        rebounds=rebounds.take(np.arange(values[_REBOUNDS])),  # a copy of whole records; a slice is copied by fields
+        rebounds=np.ndarray(values[_REBOUNDS], rebounds.dtype, own),
         trajectory=trajectory[: values[_SAMPLES]],
         energy=Energy._make(_ENERGY(values)),
         outcome=outcome,

@@ -34,6 +34,7 @@ Profile = tuple[tuple[float, float], ...]  # vertices x, y [m]
 MOST_VERTICES: Final = 16384
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
 STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none, if rounding of its place makes no larger one
+_FIRST: Final = np.zeros(1, np.intp)  # nobody writes to it
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
@@ -51,17 +52,18 @@ def _laid(vertices: Floats) -> np.ndarray:
 
 
 @functools.cache
-def _plane() -> np.ndarray:
-    """Return the piece of a plane, which nobody writes to."""
-    return _laid(np.empty((0, 2)))
+def _plane() -> tuple[Floats, np.ndarray]:
+    """Return what the kernel reads of a plane, which nobody writes to."""
+    return np.array([[0.0, 1.0]]), _laid(np.empty((0, 2)))
 
 
 def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
     """Return what the kernel reads of the ground: which pieces a lane has, shape (1 or N, 2), and all pieces."""
     if len(tracks.vertices) == 1:
         (vertices,) = tracks.vertices
-        pieces = _laid(vertices) if len(vertices) else _plane()
-        return np.array([[0.0, len(pieces)]]), pieces
+        if not len(vertices):
+            return _plane()
+        return np.array([[0.0, len(vertices) + 1.0]]), _laid(vertices)
     ends = np.cumsum([len(vertices) + 1 for vertices in tracks.vertices])
     spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1), np.zeros(ends[-1], PIECE)
     for vertices, (begin, end) in zip(tracks.vertices, spans.tolist(), strict=True):
@@ -193,7 +195,7 @@ class Tracks(NamedTuple):
     def of(cls, profiles: Sequence[Profile]) -> Self:
         """Return the tracks of one profile for all lanes, or of one a lane."""
         if len(profiles) == 1:
-            return cls((vertices_of(profiles[0]),), np.zeros(1, np.intp))
+            return cls((vertices_of(profiles[0]),), _FIRST)
         found: dict[Profile, int] = {}
         seen: dict[int, int] = {}  # by identity, as long ones take a while to compare
         numbers = []
@@ -202,6 +204,11 @@ class Tracks(NamedTuple):
                 seen[id(profile)] = found.setdefault(profile, len(found))
             numbers.append(seen[id(profile)])
         return cls(tuple(map(vertices_of, found)), np.array(numbers if len(found) > 1 else [0], np.intp))
+
+    @property
+    def is_plane(self) -> bool:
+        """Whether there is no profile."""
+        return not any(map(len, self.vertices))
 
     def lanes(self, track: int) -> NDArray[np.intp] | slice:
         """Return which lanes have a track, as an index."""

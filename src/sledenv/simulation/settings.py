@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Final, Literal, TypedDict, Unpack, get_args
 
 from sledenv.kernel.params import Limits
@@ -146,7 +146,7 @@ def changed(settings: Settings | None, **fields: Unpack[Fields]) -> Settings:
     """Return settings, the default ones for None, with some fields in place of theirs; raises as :class:`Settings`."""
     settings = checked_settings(settings)
     given: dict[str, Any] = {name: value for name, value in fields.items() if value is not None}
-    return replace(settings, **given) if given else settings
+    return Settings(**vars(settings) | given) if given else settings
 
 
 def checked_settings(settings: Settings | None) -> Settings:

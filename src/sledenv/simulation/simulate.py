@@ -13,7 +13,17 @@ from sledenv.kernel.records import OUTCOME, TRAJECTORY
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
+from sledenv.simulation.lanes import (
+    ALL_HOPS,
+    NO_LOGS,
+    NO_ROWS,
+    Tables,
+    blank,
+    follow_all,
+    new_log,
+    new_logs,
+    new_trajectory,
+)
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -78,13 +88,13 @@ def simulate(
     checked_choice("record", record, RECORDS)
     given = checked_descent(body, law, slope, launch, settings)
     tables = given.lanes.tables(limits_of(given.body, settings))
-    rebounds, outcomes = new_log(settings.max_rebounds), np.zeros(1, OUTCOME)
+    rebounds, outcomes = new_log(settings.max_rebounds), blank(OUTCOME)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
     _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
     if record == "trajectory" and outcomes["samples"][0] > len(trajectory):
         trajectory, outcomes = (
             new_trajectory(int(outcomes["samples"][0]), settings.sample_interval),
-            np.zeros(1, OUTCOME),
+            blank(OUTCOME),
         )
         _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
     return descent_of(*given[:4], outcomes[0], rebounds, trajectory, settings)

@@ -117,7 +117,7 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) 
     ndarray, shape (N,)
         A body that is lower by some length is under the ground by as much, along the normal of the slope's plane.
     """
-    if not any(map(len, tracks.vertices)):
+    if tracks.is_plane:
         return support_heights(bodies, phi)
     sizes, numbers = np.broadcast_to(bodies["size"], x.shape), np.broadcast_to(tracks.numbers, x.shape)
     begins = np.array([vertices[0] if len(vertices) else (math.inf, 0.0) for vertices in tracks.vertices])

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-from typing import Any, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import CheckedLanes, checked_lanes, limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
+from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, Tables, follow_all
 from sledenv.simulation.records import FINISH, OUTCOME
 from sledenv.simulation.scene import Slope
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.simulate import simulate_batch
+from sledenv.simulation.simulate import put_at_launch
 from sledenv.uncertainty.model import Lanes
 
 PASSING: Final = ("speed_m_s", "kinetic_j", "bounce_m", "centre_m")
@@ -52,20 +52,18 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
     settings : Settings
         How they are simulated.
     """
-    assert isinstance(lanes.slopes, np.ndarray)
-    count = len(lanes.launches)
+    given, lengths = checked_ahead(lanes, settings)
+    count, tables = len(lengths), given.tables(limits_of(lanes.bodies, settings))
+    to_stations = tables._replace(limits=tables.limits._replace(run_out=0.0))
     outcomes = np.zeros(count, OUTCOME)
     speed, kinetic = np.full((2, count, len(stations)), np.nan)
-    lengths = lanes.slopes[:, _LENGTH]
+    mass, inertia = given.bodies["mass"], given.bodies["inertia"]
+    _, _, _, u, v, omega = given.launches.T
+    speed[:, 0] = np.hypot(u, v)
+    kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
     going = np.arange(count)
-    for k, station in enumerate(stations):
-        if k == 0:
-            _, _, _, u, v, omega = lanes.launches.T
-            mass, inertia = _of_bodies(lanes.bodies, "mass"), _of_bodies(lanes.bodies, "inertia")
-            speed[:, 0] = np.hypot(u, v)
-            kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
-            continue
-        outcomes[going] = _descend(lanes, going, np.minimum(lengths[going], station), replace(settings, run_out=0.0))
+    for k, station in enumerate(stations[1:], 1):
+        outcomes[going] = follow(to_stations.part(going), np.minimum(lengths[going], station))
         going = going[outcomes["status"][going] == FINISH]
         there = going[lengths[going] >= station]
         speed[there, k] = np.hypot(outcomes["u"][there], outcomes["v"][there])
@@ -73,26 +71,24 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
         going = going[lengths[going] > station]
     if settings.run_out > 0.0:  # who has come to the line may still crash behind it
         going = np.flatnonzero((outcomes["status"] == FINISH) | np.isin(np.arange(count), going))
-    outcomes[going] = _descend(lanes, going, lengths[going], settings)
-    return Passages(outcomes, descent_jam(outcomes, _of_bodies(lanes.bodies, "mass"), lengths), speed, kinetic)
+    outcomes[going] = follow(tables.part(going), lengths[going])
+    return Passages(outcomes, descent_jam(outcomes, mass, lengths), speed, kinetic)
 
 
-def _descend(lanes: Lanes, going: NDArray[np.intp], lengths: NDArray[np.float64], settings: Settings) -> np.ndarray:
-    """Return the outcomes of some lanes, or of none, on slopes of given lengths [m]."""
-    if not len(going):
-        return np.zeros(0, OUTCOME)
-    assert isinstance(lanes.slopes, np.ndarray)
-    slopes = lanes.slopes[going]
-    slopes[:, _LENGTH] = lengths
-    bodies: Body | list[Body] | np.ndarray = lanes.bodies
-    if isinstance(bodies, list):
-        bodies = [bodies[i] for i in going]
-    elif not isinstance(bodies, Body):
-        bodies = bodies[going]
-    return simulate_batch(bodies, lanes.laws[going], slopes, lanes.launches[going], settings).outcomes
+def checked_ahead(lanes: Lanes, settings: Settings) -> tuple[CheckedLanes, NDArray[np.float64]]:
+    """Return lanes, checked, on slopes that go on for ever, and where theirs end [m]: see :func:`follow`."""
+    lengths, rows = lanes.slopes.rows[:, _LENGTH].copy(), lanes.slopes.rows.copy()
+    rows[:, _LENGTH] = np.inf  # a place may be where the ground is not level
+    slopes = lanes.slopes._replace(rows=rows)
+    return checked_lanes(lanes.bodies, lanes.laws, slopes, lanes.launches, settings), lengths
 
 
-def _of_bodies(bodies: Body | list[Body] | np.ndarray, field: str) -> Any:
-    if isinstance(bodies, list):
-        return np.array([getattr(body, field) for body in bodies])
-    return getattr(bodies, field) if isinstance(bodies, Body) else bodies[field]
+def follow(tables: Tables, lengths: NDArray[np.float64], logs: np.ndarray = NO_LOGS) -> np.ndarray:
+    """Return the outcomes of descents, or of none, that end at places [m], whatever the ground is there."""
+    outcomes = np.zeros(len(lengths), OUTCOME)
+    if len(lengths):
+        slopes = np.repeat(tables.slopes, len(lengths) // len(tables.slopes), axis=0)
+        slopes[:, _LENGTH] = lengths
+        put_at_launch(outcomes, tables.launches)
+        follow_all(tables._replace(slopes=slopes), ALL_HOPS, outcomes, logs)
+    return outcomes

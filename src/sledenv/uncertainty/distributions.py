@@ -10,6 +10,7 @@ from pydantic import model_validator
 from scipy import stats
 
 from sledenv.scenarios.configuration import Quantity, Section
+from sledenv.scenarios.tracks import TRACKS
 
 Number = Annotated[float, Quantity("(-inf, inf)")]
 Positive = Annotated[float, Quantity("(0, inf)")]
@@ -123,6 +124,16 @@ class Triangular(Distribution):
         """Return the distribution of scipy.stats."""
         width = self.high - self.low
         return stats.triang((self.mode - self.low) / width, self.low, width)
+
+
+class TrackNumber(Distribution):
+    """Every number that draws the bumps of a track is as likely: what a scenario with bumps leaves to a study."""
+
+    kind: Literal["track"] = "track"
+
+    def frozen(self) -> Any:
+        """Return the distribution of scipy.stats."""
+        return stats.randint(0, TRACKS)
 
 
 KINDS: Final[dict[str, type[Distribution]]] = {

@@ -16,13 +16,20 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, mo
 
 from sledenv.scenarios.configuration import Document, Quantity, Section, Whole, wrong_kind
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
-from sledenv.scenarios.sections import ChoiceBody, ContactSection, LaunchSection, SlopeSection, ZoneSection
+from sledenv.scenarios.sections import (
+    BumpsSection,
+    ChoiceBody,
+    ContactSection,
+    LaunchSection,
+    SlopeSection,
+    ZoneSection,
+)
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY
 from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, Tracks, Zone, checked_profile
-from sledenv.simulation.support import resting_heights, support_heights, within_a_turn
-from sledenv.uncertainty.distributions import KINDS, Distribution, Positive
+from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.uncertainty.distributions import KINDS, Distribution, Positive, TrackNumber
 from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
 
 PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
@@ -52,9 +59,12 @@ _MATERIAL: Final = {  # of a zone
     "stiffness_n_m": ("stiffness",),
 }
 _START: Final = "start_m"
+_BUMPS: Final = "slope.bumps"
+_EITHER: Final = ({"restitution", "asymmetry"}, {"profile_m", "profile_file", "bumps"})  # one stands for the others
 _SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity"}
 _NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
 _INCLINE: Final = ("angle", "length", "gravity")  # columns of a row of slopes before those of its zones
+_DROP, _TRACK = (Context._fields.index(name) for name in ("drop", "track"))
 _STATIONS: Final = 20
 
 
@@ -67,13 +77,13 @@ class Lanes(NamedTuple):
 
     bodies: Body | list[Body] | np.ndarray  # one, or bodies or records of kernel.outline.BODY, one a lane
     laws: NDArray[np.float64]
-    slopes: NDArray[np.float64] | SlopeTable  # over a hillside with its profile
+    slopes: SlopeTable
     launches: NDArray[np.float64]
 
 
 def _read(value: Any) -> Any:
-    """Read what a key is given: a mapping is a distribution; the scenario looks at everything else."""
-    if not isinstance(value, dict):
+    """Read what a key is given: a mapping is a distribution, or bumps; the scenario looks at everything else."""
+    if not isinstance(value, dict) or value.keys() & BumpsSection.model_fields.keys():
         return value
     kind = value.get("kind")
     if not isinstance(kind, str) or kind not in KINDS:
@@ -123,12 +133,13 @@ class Study(Document):
 
     @classmethod
     def seen_from(cls, folder: Path, content: Any) -> Any:
-        """Return what a file in a folder holds, with the path of its scenario as it is seen from here.
+        """Return what a file in a folder holds, with the paths of its scenario and profile as they are seen from here.
 
         The points of a terrain stand in place of the name of their file, so that a study holds all that it is about.
         """
         if isinstance(content, dict) and str(content.get("scenario")).endswith((".yaml", ".yml")):
             content |= {"scenario": os.path.abspath(folder / content["scenario"])}
+        content = Scenario.seen_from(Path(os.path.abspath(folder)), content)
         terrain = content.get("terrain") if isinstance(content, dict) else None
         if isinstance(terrain, dict) and isinstance(terrain.get("section"), str):
             try:
@@ -140,12 +151,16 @@ class Study(Document):
     @model_validator(mode="after")
     def _can_be_simulated(self) -> Self:
         """Check all that can be before anything is drawn."""
-        problems = [self._misfit(name, distribution) for name, distribution in self.parameters.items()]
+        problems = [self._misfit(name, distribution) for name, distribution in self._given.items()]
         known = _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() | {_START}
+        if _BUMPS in self.parameters:
+            known.remove("slope.length_m")  # bumps follow each other up to there
         free = "body.", "materials."
-        certain = [name for name in self.parameters if not name.startswith(free) and name not in known]
+        certain = [name for name in self._given if not name.startswith(free) and name not in known]
         problems += [f"{name}: must be certain, a number alone" for name in certain]
         problems += self._left_open()
+        if self.solver != "compliant" and self.base.has_track:
+            problems.append(f"solver = {self.solver!r}: must be 'compliant' where there is a profile")
         if isinstance(self.base.body_section, ChoiceBody):
             problems.append("body.kind = 'choice': a study is of one body")
         if not self.parameters:
@@ -171,8 +186,9 @@ class Study(Document):
                 continue
             given = _medians(getattr(self, part))
             inherited = {} if "kind" in given else dict(content.get(part, {}))
-            if given.keys() & {"restitution", "asymmetry"}:  # one stands for the other
-                inherited |= {"restitution": None, "asymmetry": None}
+            for either in _EITHER:
+                if given.keys() & either:
+                    inherited |= dict.fromkeys(either)
             if given or inherited:
                 content[part] = inherited | given
         content["zones"] = self._zones(content.get("zones", ()))
@@ -218,7 +234,7 @@ class Study(Document):
         """Return what the scenario says of a median as said of the distribution that was given."""
         path, _, rest = problem.partition(" = ")
         name = f"zone.{path.rpartition('.')[2]}" if path.startswith("zones.") else path
-        given = self.parameters.get(name)
+        given = self._given.get(name)
         said = "" if given is None else f"{_central(given)!r}: "
         return f"{name}: {given.words}: {rest.removeprefix(said)}" if given and rest.startswith(said) else problem
 
@@ -235,7 +251,13 @@ class Study(Document):
 
     @cached_property
     def parameters(self) -> dict[str, Distribution]:
-        """What is uncertain: distributions by key, such as "contact.friction"."""
+        """What is uncertain: distributions by key, such as "contact.friction"; of bumps the number of the track."""
+        bumps = self.base.slope_section.bumps is not None
+        return self._given | ({_BUMPS: TrackNumber()} if bumps else {})
+
+    @property
+    def _given(self) -> dict[str, Distribution]:
+        """Distributions that are given, by key."""
         every = {f"{part}.{key}": value for part in PARTS for key, value in getattr(self, part).items()}
         every |= {
             f"materials.{name}.{key}": value for name, one in self.materials.items() for key, value in one.items()
@@ -274,35 +296,29 @@ class Study(Document):
         bodies = self.bodies(values)
         contexts = np.tile(base.ranges[0], (len(values), 1))
         _put(given, _CONTEXT, Context, contexts)
-        laws, slopes = base.laws(contexts), base.slopes(contexts).rows
+        contexts[:, _TRACK] = given.get(_BUMPS, 0.0)
+        laws, slopes = base.laws(contexts), base.slopes(contexts)
         _put(given, _LAW, ContactLaw, laws)
-        _put(given, _SLOPE, Slope, slopes)
+        _put(given, _SLOPE, Slope, slopes.rows)
+        if self.terrain is not None:
+            slopes = self._on_ground(self.terrain, given, slopes.rows)
         launches = base.launches(contexts, bodies)
-        if self.terrain is None:
-            return Lanes(bodies, laws, slopes, launches)
-        return Lanes(bodies, laws, *self._on_ground(given, bodies, slopes, launches))
+        launches[:, 0] = given.get(_START, self.start_m)
+        records, phi = records_of(bodies, len(values)), within_a_turn(launches[:, 2])
+        lowest = resting_heights(records, launches[:, 0], phi, Tracks.of(slopes.profiles))
+        launches[:, 1] = contexts[:, _DROP] + lowest
+        return Lanes(bodies, laws, slopes, launches)
 
     def _on_ground(
-        self,
-        given: dict[str, NDArray[np.float64]],
-        bodies: Body | list[Body] | np.ndarray,
-        slopes: NDArray[np.float64],
-        launches: NDArray[np.float64],
-    ) -> tuple[SlopeTable, NDArray[np.float64]]:
-        """Return slopes with the profile of the terrain and what is drawn of materials, and launches from over it."""
-        assert self.terrain is not None
-        for k, run in enumerate(self.terrain.runs):
+        self, terrain: TerrainSection, given: dict[str, NDArray[np.float64]], slopes: NDArray[np.float64]
+    ) -> SlopeTable:
+        """Return rows of slopes with the profile of the terrain, and what is drawn of materials."""
+        for k, run in enumerate(terrain.runs):
             first = len(_INCLINE) + k * len(Zone._fields)
             for key, fields in _MATERIAL.items():
                 for i in (first + Zone._fields.index(field) for field in fields):
                     slopes[:, i] = given.get(f"materials.{run.material}.{key}", slopes[:, i])
-        profile = checked_profile(self.terrain.vertices)
-        records = records_of(bodies, len(launches))
-        start = given[_START] if _START in given else np.array(self.start_m)
-        x, phi = np.broadcast_to(start, len(launches)), within_a_turn(launches[:, 2])
-        launches[:, 1] += resting_heights(records, x, phi, Tracks.of((profile,))) - support_heights(records, phi)
-        launches[:, 0] = x
-        return SlopeTable(slopes, (profile,)), launches
+        return SlopeTable(slopes, (checked_profile(terrain.vertices),))
 
     def bodies(self, values: NDArray[np.float64]) -> Body | list[Body] | np.ndarray:
         """Return the bodies of values of the parameters: one, if it is certain, else a record for each row.
@@ -380,8 +396,7 @@ class Study(Document):
         """Return what is wrong with ranges that the study does not decide."""
         low, high = self.base.ranges
         ranges = [name for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]]
-        tracks = ["scenario: must be one over a plane, without a profile or bumps"] * self.base.has_track
-        return tracks + [f"{name}: is a range, give a number or a distribution" for name in ranges]
+        return [f"{name}: is a range, give a number or a distribution" for name in ranges]
 
 
 def load_study(name_or_path: str | os.PathLike[str]) -> Study:

@@ -8,18 +8,17 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.checks import CheckedLanes, checked_lanes
+from sledenv.simulation.checks import CheckedLanes
 from sledenv.simulation.jam import descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, follow_all, new_logs
-from sledenv.simulation.records import FINISH, OUTCOME
-from sledenv.simulation.scene import Slope, SlopeTable, State
+from sledenv.simulation.lanes import new_logs
+from sledenv.simulation.records import FINISH
+from sledenv.simulation.scene import Slope, State
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.simulate import put_at_launch
 from sledenv.simulation.support import resting_heights, within_a_turn
-from sledenv.uncertainty.descents import Passages
+from sledenv.uncertainty.descents import Passages, checked_ahead, follow
 from sledenv.uncertainty.model import Lanes
 
-_LENGTH, _GRAVITY = (Slope._fields.index(name) for name in ("length", "gravity"))
+_GRAVITY: Final = Slope._fields.index("gravity")
 _LOGS: Final = 512  # descents whose logs are kept at a time
 _AGAIN: Final = 4  # rebounds for a contact that is followed again
 
@@ -43,11 +42,7 @@ def descend_over(lanes: Lanes, stations: Floats, settings: Settings) -> Passages
     settings : Settings
         How they are simulated.
     """
-    assert isinstance(lanes.slopes, SlopeTable)
-    table = lanes.slopes
-    lengths, rows = table.rows[:, _LENGTH].copy(), table.rows.copy()
-    rows[:, _LENGTH] = np.inf  # the finish may be where the ground is not level
-    given = checked_lanes(lanes.bodies, lanes.laws, table._replace(rows=rows), lanes.launches, settings)
+    given, lengths = checked_ahead(lanes, settings)
     parts = [slice(first, first + _LOGS) for first in range(0, len(lengths), _LOGS)]
     found = [_seen(_some(given, part), lengths[part], stations, settings) for part in parts]
     outcomes, seen = (np.concatenate(each) for each in zip(*found, strict=True))
@@ -60,20 +55,10 @@ def _some(given: CheckedLanes, part: slice | Indices) -> CheckedLanes:
     return given._replace(**{name: rows[part] if len(rows) > 1 else rows for name, rows in tables.items()})
 
 
-def _follow(given: CheckedLanes, lengths: Floats, settings: Settings, logs: np.ndarray) -> np.ndarray:
-    """Return the outcomes of descents that end at places [m], whatever the ground is there."""
-    slopes = given.slopes.copy() if len(given.slopes) > 1 else np.repeat(given.slopes, len(lengths), axis=0)
-    slopes[:, _LENGTH] = lengths
-    outcomes = np.zeros(len(lengths), OUTCOME)
-    put_at_launch(outcomes, given.launches)
-    follow_all(given._replace(slopes=slopes).tables(settings.limits), ALL_HOPS, outcomes, logs)
-    return outcomes
-
-
 def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats]:
     """Return the outcomes of descents, and what is told of them at stations, shape (N, K, 4)."""
     logs = new_logs(len(lengths), settings.max_rebounds)
-    outcomes = _follow(given, lengths, settings, logs)
+    outcomes = follow(given.tables(settings.limits), lengths, logs)
     logs = logs[:, : int(outcomes["rebounds"].max(initial=0))]
     flights = _Flights(given, outcomes, logs)
     lane, station = np.nonzero(np.full((len(lengths), len(stations)), True))
@@ -166,7 +151,7 @@ def _in_contact(
     """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m] in contact."""
     some = _some(given, lane)
     before = some._replace(launches=flights.starts(lane, place // 2 - 1))
-    outcomes = _follow(before, x, replace(settings, max_rebounds=_AGAIN), NO_LOGS)
+    outcomes = follow(before.tables(replace(settings, max_rebounds=_AGAIN).limits), x)
     missed = np.flatnonzero(outcomes["status"] != FINISH)  # by rounding: the very same descent cannot
-    outcomes[missed] = _follow(_some(some, missed), x[missed], settings, NO_LOGS)
+    outcomes[missed] = follow(_some(some, missed).tables(settings.limits), x[missed])
     return np.column_stack([outcomes[name] for name in State._fields]), outcomes["kinetic"].copy()

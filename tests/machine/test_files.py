@@ -1,0 +1,25 @@
+"""Tables as comma-separated values."""
+
+from __future__ import annotations
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from sledenv.machine.files import write_csv
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1+cmd|' /C calc'!A0", "-2-3", "@SUM(A1)", "\t=1+1", " =1", "=", "--1"])
+def test_text_that_a_spreadsheet_would_run_is_told_as_text(text: str, tmp_path: Path) -> None:
+    """Oracle: the apostrophe that spreadsheets take for "this is text", in a header as in a row."""
+    write_csv(tmp_path / "table.csv", ("name", text), [(text, 1.0)])
+    with (tmp_path / "table.csv").open(newline="") as file:
+        assert list(csv.reader(file)) == [["name", f"'{text}"], [f"'{text}", "1.0"]]
+
+
+@pytest.mark.parametrize("value", ["-0.5", "-", "+1e-3", "-inf", "a=b", "", "sled", -1.5, 0.1 + 0.2, 3, None])
+def test_everything_else_is_written_as_it_is(value: object, tmp_path: Path) -> None:
+    write_csv(tmp_path / "table.csv", ("name", "value"), [("row", value)])
+    text = "" if value is None else str(value)
+    assert (tmp_path / "table.csv").read_bytes() == f"name,value\nrow,{text}\n".encode()
