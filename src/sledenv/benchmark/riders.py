@@ -56,7 +56,7 @@ def _untrained(scenario: Scenario, module: str, words: str) -> _Rider:
     problem = Problem(scenario, "descent")
     with tempfile.TemporaryDirectory() as folder:
         agent = agent_class(module).train(problem, read_settings(SETTINGS, module, problem), 0, Path(folder))
-    return _Rider(f"{words}: {label(agent_name(module))}", problem, agent)
+    return _Rider(f"{words} ({label(agent_name(module))})", problem, agent)
 
 
 def _trained(scenario: Scenario, run: Path) -> _Rider:
@@ -65,7 +65,7 @@ def _trained(scenario: Scenario, run: Path) -> _Rider:
         raise ScenarioError(f"{run} chooses a launch, but here every flight of a ride is trimmed")
     if problem.scenario.hash != scenario.ride().hash:
         raise ScenarioError(f"{run} was trained on another scenario ({problem.scenario.id})")
-    return _Rider(f"trained: {label(agent_name(config['agent']))}", problem, agent)
+    return _Rider(f"trained ({label(agent_name(config['agent']))}, seed {config['seed']})", problem, agent)
 
 
 def _shipped(scenario: Scenario) -> list[Path]:

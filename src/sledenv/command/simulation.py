@@ -224,7 +224,7 @@ def play(
     with the descent of a scenario that simulate prints; without a scenario with a ride over bumps, and the options of a
     launch and the surfaces are none of it.
 
-    If the scenario has a rider, the page is one to ride: you trim each flight with the arrow keys, beside the rides of
+    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the rides of
     a rule and of an agent. There are three slopes, that of the seed and of the two
     behind it.
 
@@ -254,9 +254,9 @@ def play(
             tell(f"play: wrote {html}", {"written": [html]}, json)
             return
         loaded = load_scenario(scenario)
-        ride = loaded.rider is not None
+        ride = loaded.rider is not None and loaded.has_track  # a plane has no take-offs but of rebounds
         if runs and not ride:
-            raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider, see sledenv map")
+            raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
         if ride and solver != "compliant":
             raise ValueError(f"--solver = {solver!r}: the page of a ride has compliant surfaces")
         loaded = loaded.ride() if ride else loaded

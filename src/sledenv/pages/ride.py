@@ -64,6 +64,7 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
         "title": scenario.title,
         "question": scenario.question,
         "noise": rider.noise_rad_s,
+        "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
         "drawn": [drawn_body(scenario.body(hill.context)) for hill in hills],
         "kernel": packed_kernel(),

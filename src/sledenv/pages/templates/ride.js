@@ -278,7 +278,7 @@ function howOf(rider, x) {
 function showRider(rider, card, { x }) {
   put(card.children[1], scoreOf(rider, x).toFixed(3));
   put(card.children[2], howOf(rider, x));
-  const taken = rider.trims.filter((_, k) => rider.takeoffs[k].t <= time);
+  const taken = rider.trims.filter((_, k) => rider.takeoffs[k]?.t <= time); // the ride may have ended before the last
   const bars = card.children[3];
   if (bars.dataset.count === String(taken.length) && bars.dataset.of === String(rider.trims)) return;
   Object.assign(bars.dataset, { count: taken.length, of: rider.trims });
