@@ -357,6 +357,7 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
         ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
         ({"context": {"frition": 0.1}}, ValueError, "unknown field 'frition' of context: must be one of angle"),
         ({"context": {"drop": "high"}}, TypeError, "context.drop holds <U4: must hold numbers"),
+        ({"context": {"friction": -0.1}}, ValueError, r"context.friction = -0.1: must be in \[0, inf\)"),
         ({"context": {"drop": [0.1, 0.2]}}, ValueError, r"context.drop has shape \(2,\): must be \(\) or \(1,\)"),
         ({"context": [1.0, 2.0]}, ValueError, r"context has shape \(2,\)"),
     ):
