@@ -18,7 +18,6 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.vector import SledDescentVector
 from sledenv.machine.extras import needs
 
-from .critic import keep
 from .curve import Curve
 from .flight import Flights, Landings
 
@@ -103,9 +102,9 @@ class Samples(NamedTuple):
 class Rides:
     """Goes on riding in many lanes, mostly with the trims that a critic rates best.
 
-    Some trims are drawn from anywhere and some near the best: what is tried only by chance must be learned, too. What a
-    trim earned is known if all that follow are the best ones; else it is the reward up to the next trial, and from there
-    on what the critic expects of the best.
+    Some are drawn from anywhere and some near the best, or nothing would be learned of others. What a trim earned is
+    known if all that follow are the best ones; else it is the reward up to the next trial, and from there on what the
+    critic expects of the best.
 
     Parameters
     ----------
@@ -119,9 +118,8 @@ class Rides:
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
         self._flights = Flights(problem)
-        self._env = SledDescentVector(
-            self._lanes, problem.scenario, AutoresetMode.SAME_STEP, info=(), split="train", observe=problem.task.observed
-        )
+        same, observed = AutoresetMode.SAME_STEP, problem.task.observed
+        self._env = SledDescentVector(self._lanes, problem.scenario, same, info=(), split="train", observe=observed)
         # No two seeds share a lane's stream of contexts.
         self._seen, _ = self._env.reset(seed=seed * self._lanes)
 
@@ -163,11 +161,7 @@ class Rides:
 def searched(critic: Critic, flights: Flights, landings: Landings, count: int) -> tuple[Floats, Floats]:
     """Return the trims that a critic rates best of evenly spaced ones, and what it expects of them, shapes (n,)."""
     trims = np.linspace(-1.0, 1.0, count, dtype=np.float32)
-    parts = [
-        critic.rate(flights, landings.rows(slice(start, start + _BLOCK)), trims)
-        for start in range(0, len(landings.time), _BLOCK)
-    ]
-    ratings = np.concatenate(parts)
+    ratings = critic.rate(flights, landings, trims)
     return trims[ratings.argmax(axis=1)], ratings.max(axis=1)
 
 
@@ -217,7 +211,8 @@ class Agent:
                 if turn + 1 < turns:
                     coming = pool.submit(rides.sample, known if turn else None)
                     learner.learn()
-        keep(best, folder / _FILE)
+        arrays = {name: value.numpy().astype(np.float16) for name, value in best.state_dict().items()}
+        np.savez_compressed(folder / _FILE, **arrays)
         return cls.load(problem, folder)
 
     @classmethod
@@ -241,8 +236,9 @@ class Agent:
 
     def act(self, observations: Floats) -> Floats:
         """Return trims of shape (n, 1)."""
-        trims, _ = searched(self._critic, self._flights, self._flights.land(observations), _ACTING)
-        return trims[:, np.newaxis]
+        parts = np.array_split(observations, math.ceil(len(observations) / _BLOCK))
+        trims = [searched(self._critic, self._flights, self._flights.land(part), _ACTING)[0] for part in parts]
+        return np.concatenate(trims)[:, np.newaxis]
 
 
 class _Learner:
@@ -272,7 +268,7 @@ class _Learner:
             critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
         )
         self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, (turns - 1) * self._steps)
-        self._average = AveragedModel(critic, multi_avg_fn=_averaged)  # type: ignore[no-untyped-call]
+        self._average = AveragedModel(critic, multi_avg_fn=_averaged)
 
     @property
     def averaged(self) -> Critic:
