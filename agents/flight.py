@@ -23,7 +23,7 @@ _PLACES: Final = np.array(  # [m] from the landing, at which a critic is told th
 _TILT: Final = 0.1  # [rad] at which a body touches with an end
 _TURNS: Final = (2, 4, 6, 8, 12, 16)  # harmonics of the pose at the landing
 _CONTEXT: Final = 4  # of the context: angle, friction, restitution and speed
-_MOST: Final = 10.0  # of an input
+MOST: Final = 10.0  # of an input
 
 
 class Ground(NamedTuple):
@@ -138,18 +138,19 @@ class Flights:
             *(2.0 * (heights[:, 1:] - heights[:, :1])).T,
             *(3.0 * np.arctan(slopes[:, 1:])).T,
         ]
-        inputs = np.clip(np.stack(columns, axis=1, dtype=np.float32), -_MOST, _MOST)
+        inputs = np.clip(np.stack(columns, axis=1, dtype=np.float32), -MOST, MOST)
         return Landings(inputs, ground, time, x, y, pitch, pose, spin, body)
 
     def trimmed(self, landings: Landings, trims: Floats) -> Floats:
         """Return what a network sees of trims in [-1, 1] of shape (n, m), shape (n, m, trim_width)."""
+        columns: list[NDArray[np.floating]]
         of = landings
         time, x, y, pitch, pose, spin = (
             part[:, np.newaxis] for part in (of.time, of.x, of.y, of.pitch, of.pose, of.spin)
         )
         lent = np.float32(self._most) * trims
         angle = pose + lent * time
-        columns: list[Floats] = [angle - pitch, 0.5 * (spin + lent), trims, angle]
+        columns = [angle - pitch, 0.5 * (spin + lent), trims, angle]
         columns += [part(turns * (angle - pitch)) for turns in _TURNS for part in (np.sin, np.cos)]
         cosine, sine = np.cos(angle), np.sin(angle)
         for ahead, up in self._ends[of.body].transpose(1, 2, 0)[..., np.newaxis]:

@@ -111,9 +111,15 @@ class Rides:
     problem : Problem
     settings : dict
     seed : int
+
+    Attributes
+    ----------
+    descents : int
+        That have ended so far.
     """
 
     def __init__(self, problem: Problem, settings: dict[str, Any], seed: int) -> None:
+        self.descents = 0
         self._lanes, self._flights_a_turn = settings["n_lanes"], settings["n_steps"]
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
@@ -136,6 +142,7 @@ class Rides:
                 break
             told.append((landings.inputs, self._flights.trimmed(landings, trims)))
             self._seen, rewards[step], ended[step], _, _ = self._env.step(trims)
+        self.descents += int(ended.sum())
         earned, after = np.zeros_like(rewards), expected[-1]
         for step in reversed(range(steps)):
             earned[step] = rewards[step] + np.where(ended[step], 0.0, after)
@@ -203,7 +210,7 @@ class Agent:
                 learner.add(coming.result())
                 known = copy.deepcopy(learner.averaged)
                 if turn % max(1, turns // settings["checks"]) == 0 or turn == turns - 1:  # while nobody else rides
-                    check = curve.check(cls(problem, known), learner.seen)
+                    check = curve.check(cls(problem, known), rides.descents)
                     if check.mean_reward > most:
                         best, most = known, check.mean_reward
                     if sys.stderr.isatty():

@@ -1,4 +1,4 @@
-"""Truncated quantile critics of sb3-contrib, from the context to the launch."""
+"""Truncated quantile critics of sb3-contrib, from what is seen to the launch or the trims."""
 
 from __future__ import annotations
 
