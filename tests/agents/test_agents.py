@@ -49,6 +49,8 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 800, "restarts": 1, "contexts": 5, "validation": 20}
         if algo in ("critic", "verified"):
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
+        if algo == "ride_critic":
+            values |= {"n_timesteps": 300, "n_lanes": 10, "n_epochs": 1, "batch_size": 50, "checks": 1}
         if algo == "replan":
             values |= {"trims": 3}
         return values
@@ -72,7 +74,10 @@ EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "cma_es", "critic", "land_flat", "ppo", "random_launch")),
     *(("launch", algo) for algo in ("random_search", "sac", "td3", "tqc", "zero")),
     *(("launch", algo) for algo in ("cma_lookups", "uniform_lookups", "verified")),
-    *(("descent", algo) for algo in ("land_parallel", "ppo", "random_launch", "replan", "sac", "zero")),
+    *(
+        ("descent", algo)
+        for algo in ("land_parallel", "ppo", "random_launch", "replan", "ride_critic", "sac", "tqc", "zero")
+    ),
 ]
 
 
