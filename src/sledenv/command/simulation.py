@@ -224,9 +224,8 @@ def play(
     with the descent of a scenario that simulate prints; without a scenario with a ride over bumps, and the options of a
     launch and the surfaces are none of it.
 
-    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the rides of
-    a rule and of an agent. There are three slopes, that of the seed and of the two
-    behind it.
+    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the
+    rides of a rule and of an agent. There are three slopes, that of the seed and of the two behind it.
 
     Parameters
     ----------
