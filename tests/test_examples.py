@@ -224,9 +224,9 @@ def test_the_notebook_from_the_environment_to_a_regret_says_what_it_computes(cap
     names = notebook("train_and_judge")
     regret = names["scores"]["mean regret"]
     assert regret["before learning"] > 0.1
-    assert regret["PPO"] < 0.02
-    assert 0.1 < regret["land flat"] < 0.13
-    assert np.ptp([rewards[20] for rewards in names["missed"].values()]) < 0.02  # hit exactly
+    assert names["scores"]["worst regret"]["PPO"] < 0.04
+    assert 0.19 < regret["land flat"] < 0.22
+    assert np.ptp([rewards[20] for rewards in names["missed"].values()]) < 0.03  # hit exactly
     missed = {name: rewards.mean() for name, rewards in names["missed"].items()}
     assert missed["land flat"] < 0.7 < 0.9 < missed["PPO"]
     assert (names["missed"]["land flat"][20:25] > 0.5).tolist() == [True, True, True, False, False]  # 0 to 2 degrees

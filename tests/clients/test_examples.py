@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 import torch
 from gymnasium.error import InvalidAction
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AsyncVectorEnv, SyncVectorEnv
 from stable_baselines3.common.vec_env import DummyVecEnv, SubprocVecEnv
 
 from examples import cleanrl_ppo
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario
 
 
@@ -26,9 +26,6 @@ def _torch_threads():
     threads = torch.get_num_threads()
     yield
     torch.set_num_threads(threads)
-
-
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 def actions(env, steps: int, lanes: int) -> np.ndarray:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
@@ -17,6 +16,7 @@ from sledenv.envs.task import Task, highest_support
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.support import support_height
+from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario
 
 POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [0.3, 0.4], [-0.4, 0.3]]}
@@ -37,22 +37,18 @@ def scenario(body: dict) -> sledenv.Scenario:
 SEVERAL = scenario({"kind": "choice", "of": BODIES})
 
 
-def actions(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
-    return rng.uniform(-1.0, 1.0, (count, width)).astype(np.float32)
-
-
 @pytest.mark.parametrize(("one", "many"), KINDS)
 def test_lanes_are_scalar_environments_whatever_bodies_they_have_one_after_the_other(one, many):
     """Oracle: SyncVectorEnv of the scalar environment in all it returns."""
     lanes, rng = 7, np.random.default_rng(0)
     env = many(lanes, SEVERAL, autoreset_mode=AutoresetMode.SAME_STEP, info=sledenv.envs.info.INFO_KEYS)
     sync = SyncVectorEnv([lambda: one(SEVERAL)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
-    assert data_equivalence(env.reset(seed=3), sync.reset(seed=3), exact=True)
+    assert equal(env.reset(seed=3), sync.reset(seed=3))
     seen = set()
     for _ in range(30):
-        action = actions(rng, lanes, env.single_action_space.shape[0])
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         step = env.step(action)
-        assert data_equivalence(step, sync.step(action), exact=True)
+        assert equal(step, sync.step(action))
         seen |= set(step[0][:, SHAPE].tolist())
     assert seen == {-1.0, 0.0, 1.0}
 

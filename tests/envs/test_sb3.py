@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.utils.env_checker import data_equivalence
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env as theirs
@@ -26,10 +24,7 @@ from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
-
-SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
-WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 1}  # of an action
-both_ids = pytest.mark.parametrize("env_id", SCALAR)
+from tests.envs.kinds import SCALAR, WIDTH, both_ids, equal
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch and tensorboard, which this project does not own
 
@@ -49,9 +44,6 @@ def make(short_scenario: sledenv.Scenario):
         return make_vec_env(env_id, lanes, seed, env_kwargs={"scenario": short_scenario}, **options)
 
     return made
-
-
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 @both_ids

@@ -4,30 +4,24 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
+import pandas as pd
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.descent import SledDescent
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.vector import CHEAP_INFO, SledDescentVector, SledLaunchVector, SledVectorEnv
+from sledenv.envs.vector import CHEAP_INFO, SledVectorEnv
+from tests.envs.kinds import NATIVE, SCALAR, WIDTH, both_ids, equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 MODES = list(AutoresetMode)
-NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
-SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
-WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 1}  # of an action
-
-both_ids = pytest.mark.parametrize("env_id", NATIVE)
 
 
 def native(
@@ -42,7 +36,11 @@ def actions(rng: np.random.Generator, lanes: int, env_id: str = LAUNCH_ID) -> np
     return rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
 
 
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
+class Untold:
+    """What has no numbers, as a tensor that requires a gradient."""
+
+    def __array__(self, dtype=None, copy=None):
+        raise RuntimeError("detach it")
 
 
 @both_ids
@@ -51,7 +49,7 @@ def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(
     env = gym.make_vec(env_id, num_envs=3, scenario=own_scenario("ice_drop"), **given)
     assert isinstance(env, NATIVE[env_id])
     assert env.metadata["autoreset_mode"] is AutoresetMode.NEXT_STEP
-    one = SCALAR[env_id](**given)
+    one = SCALAR[env_id](own_scenario("ice_drop"), **given)
     assert env.single_observation_space == one.observation_space
     assert env.single_action_space == one.action_space
     assert env.observation_space.shape == (3, *one.observation_space.shape)
@@ -227,16 +225,22 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
     ("action", "message"),
     [
         (np.zeros((2, 2)), r"actions have shape \(2, 2\): must be \(3, 2\)"),
-        (np.zeros((3, 1)), r"action has shape \(1,\): must be \(2,\)"),
-        (np.zeros(3), r"action has shape \(\): must be \(2,\)"),
+        (np.zeros((3, 1)), r"actions has shape \(3, 1\): must be \(N, 2\), columns orientation, spin"),
+        (np.zeros(3), r"actions has shape \(3,\): must be \(N, 2\)"),
         ([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]], r"actions\[1\] = \[0.0, nan\]: must be within \[-1.0, 1.0\]"),
         ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
-        ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be numbers of shape"),
-        ("launch", "must be numbers of shape"),
-        (None, "actions = None: must be numbers of shape"),
-        ([["0.1", "0.2"]] * 3, "must be numbers of shape"),
-        (np.zeros((3, 2), complex), "must be numbers of shape"),
-        (np.zeros((3, 2), bool), "must be numbers of shape"),
+        ([[0.0, 0.0], [0.0], [0.0, 0.0]], "actions holds object: must hold numbers, columns orientation, spin"),
+        ("launch", "must hold numbers"),
+        (None, "must hold numbers"),
+        ([["0.1", "0.2"]] * 3, "must hold numbers"),
+        (np.zeros((3, 2), complex), "must hold numbers"),
+        (np.zeros((3, 2), bool), "actions holds True or False: must hold numbers"),
+        (np.ma.masked_less(np.zeros((3, 2)), 1.0), "actions is a masked array"),
+        ([np.ma.masked_less(np.zeros(2), 1.0)] * 3, "actions is a masked array, or holds one"),
+        (pd.DataFrame({"orientation": np.zeros(3), "spn": 0.0}), "actions has the column 'spn': must have the columns"),
+        (pd.DataFrame({"spin": np.zeros(3)}), "actions has no column 'orientation'"),
+        (pd.DataFrame(np.zeros((3, 3)), columns=["spin", "orientation", "spin"]), "'spin' more than once"),
+        (Untold(), "actions holds object: must hold numbers"),
     ],
 )
 def test_a_wrong_action_is_refused_and_no_lane_advances(action, message):
@@ -249,6 +253,23 @@ def test_a_wrong_action_is_refused_and_no_lane_advances(action, message):
     good = actions(np.random.default_rng(0), 3)
     assert equal(env.step(good), twin.step(good))
     assert equal(env.reset(), twin.reset())
+
+
+def test_actions_and_contexts_of_a_frame_are_taken_by_name():
+    """Oracle: a twin that is given arrays; columns stand in another order."""
+    env, twin = native(3), native(3)
+    rng = np.random.default_rng(2)
+    contexts = np.array([sledenv.load_scenario(own_scenario("brake_mat")).sample(rng) for _ in range(3)])
+    frame = pd.DataFrame(contexts, columns=sledenv.Context._fields).iloc[:, ::-1]
+    for given, known in (
+        (frame, contexts),
+        (frame.iloc[1], contexts[1]),
+        ({"drop": frame["drop"]}, {"drop": contexts[:, 4]}),
+    ):
+        assert equal(env.reset(seed=3, options={"context": given}), twin.reset(seed=3, options={"context": known}))
+        chosen = actions(rng, 3)
+        asked = pd.DataFrame(chosen[:, ::-1], columns=["spin", "orientation"])
+        assert equal(env.step(asked), twin.step(chosen))
 
 
 def test_a_lane_that_is_being_reset_ignores_its_action():
@@ -276,6 +297,10 @@ def test_a_lane_that_is_being_reset_ignores_its_action():
             ValueError,
             r"context\[1\]\.restitution = 0.0: must be in \(0, 1\]",
         ),
+        ({"options": {"context": np.ma.masked_less(np.ones((3, 12)), 2.0)}}, TypeError, "context is a masked array"),
+        ({"options": {"context": {"drop": np.ma.masked}}}, TypeError, "context.drop is a masked array"),
+        ({"options": {"context": pd.DataFrame({"drop": [1.0] * 3})}}, ValueError, "context has no column 'angle'"),
+        ({"options": {"context": pd.DataFrame({"dorp": [1.0] * 3})}}, ValueError, "context has the column 'dorp'"),
         ({"options": {"reset_mask": [True, False, False]}}, TypeError, "must be an array of bool"),
         ({"options": {"reset_mask": np.ones(2, bool)}}, ValueError, r"has shape \(2,\): must be \(3,\)"),
         ({"options": {"reset_mask": np.zeros(3, bool)}}, ValueError, "no lane to reset"),

@@ -12,11 +12,10 @@ import pytest
 from sledenv.kernel import expansion
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
-from tests.compiled import compiled
 from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
 from tests.jets import Course, Jet, Touch, course
 
-expand, longest_step, value = compiled(expansion.expand), compiled(expansion.longest_step), compiled(expansion.value)
+expand, longest_step, value = expansion.expand, expansion.longest_step, expansion.value  # as plain Python
 BLOCK, DISC = record_of(BODIES["block"]), record_of(BODIES["disc"])
 ROOF = pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])  # a crest at the top
 PLANE = pieces_of([])

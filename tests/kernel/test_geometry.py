@@ -89,29 +89,6 @@ def test_whole_turns_change_nothing(body: Segment, phi: float, turns: int) -> No
     assert abs(support_height(body, many) - support_height(body, phi)) <= 2.0 * rounding
 
 
-def test_only_an_arc_with_two_ends_has_corners() -> None:
-    """Oracle: a full disc and a point have none."""
-    assert [len(body.arcs) for body in BODIES] == [1, 1, 3, 3, 3, 3]
-
-
-@pytest.mark.parametrize("body", CORNERED)
-def test_a_corner_is_as_far_away_as_the_end_of_the_arc(body: Segment) -> None:
-    """Oracle: the distance of the corner from the mass centre, by Pythagoras."""
-    across = body.radius * math.sin(body.half_angle)
-    above = body.eccentricity - body.radius * math.cos(body.half_angle)
-    (record,) = body.record
-    reach = pytest.approx(math.hypot(across, above), rel=1e-15)
-    assert record["h"][:3].tolist() == [reach, body.eccentricity, reach]
-    assert record["r"][:3].tolist() == [0.0, body.radius, 0.0]
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_lowest_support_is_the_least_height_over_all_poses(body: Segment) -> None:
-    """Oracle: 40001 poses, flat or on the chord included."""
-    heights = support(body, np.append(np.linspace(-math.pi, math.pi, 40001), [0.0, math.pi]))
-    assert body.lowest_support == pytest.approx(heights.min(), abs=1e-9)
-
-
 def test_a_direction_does_not_depend_on_how_many_there_are():
     """Oracle: one by one, bit for bit; math, to the rounding of an angle."""
     angles = np.random.default_rng(0).uniform(-1e3, 1e3, 1001)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from hypothesis import given
@@ -572,3 +573,35 @@ def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
     assert scenario.hash != Scenario.model_validate(content | {"ends": {}}).hash
     wrong = "\n".join(problems(content | {"ends": {"touching": "wing"}}))
     assert "ends.touching = 'wing': must be a part of the body: rider, runner, legs, frame" in wrong
+
+
+def test_contexts_of_a_frame_are_taken_by_name() -> None:
+    """Oracle: the array that the frame was made of; its columns stand in another order."""
+    scenario = load_scenario("sled_rollers")
+    contexts = scenario.contexts(np.random.default_rng(0).random((4, scenario.draws)))
+    frame = pd.DataFrame(contexts, columns=Context._fields).iloc[:, ::-1]
+    for one in (frame, frame.to_numpy()[:, ::-1], [Context(*row) for row in contexts.tolist()]):
+        assert scenario.laws(one).tobytes() == scenario.laws(contexts).tobytes()
+        assert scenario.launches(one).tobytes() == scenario.launches(contexts).tobytes()
+        rows, profiles = scenario.slopes(one)
+        assert rows.tobytes() == scenario.slopes(contexts).rows.tobytes()
+        assert profiles == scenario.profiles(contexts) == scenario.profiles(one)
+        assert scenario.vertices(one).tobytes() == scenario.vertices(contexts).tobytes()
+        assert scenario.shapes(one).tolist() == [0] * 4
+    assert len(scenario.laws(frame.iloc[0])) == 1
+
+
+@pytest.mark.parametrize(
+    ("contexts", "error", "message"),
+    [
+        (pd.DataFrame(np.ones((2, 12)), columns=[*Context._fields[:-1], "trak"]), ValueError, "has the column 'trak'"),
+        (pd.DataFrame(np.ones((2, 11)), columns=Context._fields[:-1]), ValueError, "has no column 'track'"),
+        (np.ma.masked_less(np.ones((2, 12)), 2.0), TypeError, "contexts is a masked array"),
+        ([[0.1] * 11 + [float("nan")]], ValueError, r"contexts\[0\]\.shape = 0.1: must be a whole number"),
+    ],
+)
+def test_what_is_no_table_of_contexts_is_refused_by_name(contexts: Any, error: type[Exception], message: str) -> None:
+    scenario = load_scenario("sled_rollers")
+    for method in (scenario.laws, scenario.slopes, scenario.launches, scenario.shapes, scenario.vertices):
+        with pytest.raises(error, match=message):
+            method(contexts)

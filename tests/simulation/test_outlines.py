@@ -265,23 +265,6 @@ def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
         assert arc[:4] == pytest.approx(other[:4], abs=2e-15 * radius)
 
 
-def test_a_hull_becomes_a_sled_on_runners() -> None:
-    """Oracle: the arc joins both caps smoothly, and the hull stays as it is elsewhere."""
-    circles = [(0.6, 0.1, 0.1), (-0.5, 0.12, 0.15), (-0.1, 0.9, 0.12)]
-    arcs = hull_of_circles(np.array(circles), ["nose", "tail", "head"], ["bottom", "back", "front"])
-    below = [arc.part for arc in arcs].index("nose")
-    sled = shifted(bulged(arcs, below, 12.0, "runners"), 0.0, -0.3)
-    body = Body(100.0, 15.0, sled)
-    assert [arc.part for arc in body.arcs] == ["nose", "runners", "tail", "head"]
-    assert body.parts[4:] == ("back", "front")
-    runners = next(arc for arc in body.arcs if arc.part == "runners")
-    for cap in (arc for arc in body.arcs if arc.part in ("nose", "tail")):
-        assert math.hypot(cap.x - runners.x, cap.y - runners.y) == pytest.approx(12.0 - cap.radius, rel=1e-14)
-    assert [arc for arc in sled if arc.part == "head"] == [
-        arc for arc in shifted(arcs, 0.0, -0.3) if arc.part == "head"
-    ]
-
-
 HEXAGON = polygon(1.0, [(math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6)])
 
 

@@ -10,7 +10,6 @@ import pytest
 from sledenv import (
     ContactLaw,
     Feature,
-    Settings,
     Slope,
     State,
     Zone,
@@ -18,10 +17,8 @@ from sledenv import (
     rigid_impact,
     segment,
     simulate,
-    simulate_batch,
 )
 from sledenv.simulation.support import support_height
-from tests.bodies import rod
 
 GRAVITY = 9.81
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
@@ -148,47 +145,6 @@ def test_a_segment_that_rolls_onto_its_corner_too_fast_takes_off_there_once():
     assert first["phi"] == pytest.approx(-body.half_angle, abs=1e-12)
     assert second["t"] - second["duration"] - first["t"] > 1e-3
     assert descent.status == "log_full"
-
-
-def random_launches(count, seed):
-    """Bodies of every kind with laws, slopes and launches that include the degenerate ones."""
-    rng = np.random.default_rng(seed)
-    some = rng.random
-    for body in (DISC, PILOT, rod(1.0, 0.5, 0.08), segment(2.0, 0.3, 0.0, 0.05),
-                 circular_segment(1.0, 0.5, 1.0), circular_segment(100.0, 0.5, math.radians(110)),
-                 segment(1.0, 0.5, 0.475, 0.02)):  # fmt: skip
-        laws = [
-            ContactLaw(10 ** rng.uniform(5, 7) * body.mass, rng.uniform(0.05, 0.95), rng.uniform(0, 3) * (some() < 0.9),
-                       rng.uniform(0, 0.05) * (some() < 0.8), rng.uniform(0, 0.02) * (some() < 0.5))
-            for _ in range(count)
-        ]  # fmt: skip
-        slopes = [Slope(rng.uniform(-0.2, 0.5), 10.0) for _ in range(count)]
-        phi = rng.uniform(-math.pi, math.pi, count) * (rng.random(count) < 0.95)
-        launches = [
-            State(0.0, support_height(body, p) + rng.uniform(0, 1.5) * (some() < 0.9), p,
-                  rng.uniform(-2, 6) * (some() < 0.9), rng.uniform(-4, 1) * (some() < 0.8),
-                  rng.uniform(-20, 20) * (some() < 0.8))
-            for p in phi
-        ]  # fmt: skip
-        yield body, laws, slopes, launches
-
-
-@pytest.mark.parametrize(
-    ("solver", "count"),
-    [("rigid", 60), *(pytest.param(solver, 14_300, marks=pytest.mark.slow) for solver in ("rigid", "compliant"))],
-)
-def test_random_descents_keep_their_books_and_end_with_a_status(solver, count):
-    """Oracle: conservation of energy, and no loss is negative."""
-    for body, laws, slopes, launches in random_launches(count, 7):
-        batch = simulate_batch(body, laws, slopes, launches, Settings(solver=solver, max_time=8.0, max_rebounds=2000))
-        outcome = batch.outcomes
-        assert np.isin(batch.status, ["finish", "jammed", "timeout", "log_full"]).all(), np.unique(batch.status)
-        lost = outcome["hysteresis"] + outcome["sliding"] + outcome["rolling"]
-        residual = outcome["kinetic"] + outcome["potential"] + outcome["stored"] + lost - outcome["initial"]
-        turnover = np.abs(outcome["initial"]) + np.abs(outcome["potential"]) + lost
-        assert np.abs(residual / turnover).max() < 1e-10
-        for loss in ("hysteresis", "sliding", "rolling"):
-            assert outcome[loss].min() >= 0.0, loss
 
 
 CONVERGENCE = {

@@ -15,7 +15,6 @@ from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.sensitivity import (
     END_QUANTITIES,
     LAUNCH,
-    PARAMETERS,
     REBOUND_QUANTITIES,
     STATE_AFTER,
     Sensitivity,
@@ -556,10 +555,3 @@ def test_the_growth_of_a_wheel_without_friction_is_that_of_its_matrix() -> None:
     np.testing.assert_allclose(found.units, units)
     scaled = matrix * units / units[[0, 2, 3, 4, 5], np.newaxis]
     np.testing.assert_allclose(found.growth[0], np.linalg.svd(scaled, compute_uv=False), rtol=1e-8)
-
-
-def test_parameters_and_quantities_have_units_and_are_fields() -> None:
-    descent = simulate(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), max_rebounds=1)
-    assert set(REBOUND_QUANTITIES) <= set(descent.rebounds.dtype.names or ())
-    assert set(STATE_AFTER) <= set(REBOUND_QUANTITIES)
-    assert list(PARAMETERS)[:6] == list(LAUNCH)

@@ -151,25 +151,30 @@ def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[
         Naming the column that is unknown, missing, there twice or without numbers; the shape; masked numbers; or the
         row and the field, its value and the allowed range.
     """
-    columns = f"columns {', '.join(fields)}"
     if _is_series(given):
         given = given.to_frame().T.infer_objects()
     if is_frame(given):
         table = _columns_by_name(name, given, fields)
     else:
-        _check_entries(name, given, fields)
-        try:
-            table = np.asarray(given)
-        except ValueError:  # rows of different lengths
-            table = np.asarray(given, dtype=object)
-        if table.dtype.kind not in "iuf":
-            found = "True or False" if table.dtype.kind == "b" else table.dtype
-            raise TypeError(f"{name} holds {found}: must hold numbers, {columns}")
-        table = np.array(table, dtype=float, ndmin=2, order="C")
+        table = np.array(checked_numbers(name, given, fields), ndmin=2, order="C")
     if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), {columns}")
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}){_named(fields)}")
     _check_columns(f"{name}[{{lane}}]", table, fields, rules)
     return table
+
+
+def checked_numbers(name: str, given: Any, fields: Sequence[str] = ()) -> np.ndarray:
+    """Return an array of floats, whatever its shape; TypeError for what is masked or holds no numbers."""
+    if not _is_series(given):
+        _check_entries(name, given, fields)
+    try:
+        numbers = np.asarray(given)
+    except (ValueError, RuntimeError):  # rows of different lengths; a tensor that has a gradient
+        numbers = np.asarray(None)
+    if numbers.dtype.kind not in "iuf":
+        found = "True or False" if numbers.dtype.kind == "b" else numbers.dtype
+        raise TypeError(f"{name} holds {found}: must hold numbers{_named(fields)}")
+    return np.asarray(numbers, float)
 
 
 def is_frame(given: Any) -> bool:
@@ -207,6 +212,10 @@ def _columns_by_name(name: str, given: Any, fields: Sequence[str]) -> np.ndarray
     return table
 
 
+def _named(fields: Sequence[str]) -> str:
+    return f", columns {', '.join(fields)}" if fields else ""
+
+
 def _check_entries(name: str, given: Any, fields: Sequence[str]) -> None:
     """Refuse what NumPy would take for numbers in lists, or take by position though it has other names."""
     if isinstance(given, tuple | list):
@@ -218,7 +227,7 @@ def _check_entries(name: str, given: Any, fields: Sequence[str]) -> None:
             found = f"a {type(given).__name__} of {', '.join(other)}"
             raise TypeError(f"{name} holds {found}: must have {', '.join(fields)}")
     elif isinstance(given, bool | np.bool_):
-        raise TypeError(f"{name} holds True or False: must hold numbers, columns {', '.join(fields)}")
+        raise TypeError(f"{name} holds True or False: must hold numbers{_named(fields)}")
     elif isinstance(given, np.ma.MaskedArray):
         raise TypeError(f"{name} is a masked array, or holds one: must hold numbers, without a mask")
     elif _is_series(given):
