@@ -257,7 +257,7 @@ def play(
         if runs and not ride:
             raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
         if ride and solver != "compliant":
-            raise ValueError(f"--solver = {solver!r}: the page of a ride has compliant surfaces")
+            raise ValueError(f"--solver = {solver!r}: must be compliant in a page to ride")
         loaded = loaded.ride() if ride else loaded
         orientation = None if launch.orientation_deg is None else math.radians(launch.orientation_deg)
         given = {"orientation": orientation, "spin": launch.spin, "speed": launch.speed}
