@@ -223,6 +223,24 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "did you mean 'sled_snow'?" in refused(capsys, "play", "sled_snw", "--html", str(page))
 
 
+def test_play_of_a_ride_writes_a_page_to_ride(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
+    page, which = tmp_path / "page.html", ("sled_unsteady", "--seed", "4", "--speed", "9")
+    assert main(["play", *which, "--html", str(page), "--json"]) == 0
+    written = {"scenario": "sled_unsteady", "seed": 4, "solver": "compliant", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
+    hills = json.loads(data_of(page.read_text(encoding="utf-8"))["exact"])["hills"]
+    assert [hill["name"] for hill in hills] == ["draw 4", "draw 5", "draw 6"]
+    assert all(len(hill["rides"]) > 1 and all(ride["trims"] for ride in hill["rides"]) for hill in hills)
+    assert main(["simulate", *which, "--json"]) == 0
+    assert hills[0]["scene"]["launch"] == json.loads(capsys.readouterr().out)["launch"]
+    assert "must be compliant" in refused(capsys, "play", *which, "--solver", "rigid", "--html", str(page))
+    run = ("--run", "sled_mat-launch-spin-critic-s0", "--html", str(page))
+    assert "chooses a launch" in refused(capsys, "play", *which, *run)
+    assert "scenario ice_drop has no rider over bumps" in refused(capsys, "play", own_scenario("ice_drop"), *run)
+    assert "are asked for, of no scenario: name one" in refused(capsys, "play", *run)
+
+
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'sled_snow'?" in refused(capsys, "simulate", "sled_snw")
     assert "error: --seed: must be an integer >= 0: '-1'" in refused(

@@ -224,9 +224,8 @@ def play(
     with the descent of a scenario that simulate prints; without a scenario with a ride over bumps, and the options of a
     launch and the surfaces are none of it.
 
-    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the rides of
-    a rule and of an agent. There are three slopes, that of the seed and of the two
-    behind it.
+    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the
+    rides of a rule and of an agent. There are three slopes, that of the seed and of the two behind it.
 
     Parameters
     ----------
@@ -258,7 +257,7 @@ def play(
         if runs and not ride:
             raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
         if ride and solver != "compliant":
-            raise ValueError(f"--solver = {solver!r}: the page of a ride has compliant surfaces")
+            raise ValueError(f"--solver = {solver!r}: must be compliant in a page to ride")
         loaded = loaded.ride() if ride else loaded
         orientation = None if launch.orientation_deg is None else math.radians(launch.orientation_deg)
         given = {"orientation": orientation, "spin": launch.spin, "speed": launch.speed}

@@ -60,13 +60,15 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
         "rotor_inertia": rider.rotor_inertia_kg_m2,
         "hills": [_told(scenario, rider, hill) for hill in hills],
     }
+    drawn = [drawn_body(scenario.body(hill.context)) for hill in hills]
     content = {
         "title": scenario.title,
         "question": scenario.question,
         "noise": rider.noise_rad_s,
         "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
-        "drawn": [drawn_body(scenario.body(hill.context)) for hill in hills],
+        "drawn": drawn,
+        "turns": ("nose up", "nose down") if "pieces" in drawn[0] else ("backwards", "forwards"),
         "kernel": packed_kernel(),
     }
     return filled("ride.html", data=content, still=still(untrimmed))

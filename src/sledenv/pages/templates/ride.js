@@ -21,7 +21,7 @@ const atTakeoff = () => isRunning(you()) && time >= you().outcome.t;
 const lastTime = () => Math.max(...riders.map(({ outcome }) => outcome.t));
 const isOver = () => !isRunning(you()) && time >= lastTime();
 
-/* Rides. A trim in [-1, 1] turns the nose up; an unsteady rider adds an error, but one of a trim not yet taken is not
+/* Rides. A trim in [-1, 1] turns counterclockwise; an unsteady rider adds an error, but one of a trim not yet taken is not
    known. */
 async function ride(trims, known = trims.length) {
   const spins = trims.map((trim, k) => E.trim * trim + ((k < known && hill.errors[k]) || 0));
@@ -103,10 +103,10 @@ function takeBack() {
   });
 }
 
-/* The trim: to the right the nose goes down. */
+/* The trim: to the right it turns clockwise. */
 const trimOf = () => 0 - Number($("trim").value);
 const trimWords = (trim) =>
-  trim === 0 ? "no trim" : `nose ${trim > 0 ? "up" : "down"} ${fixed(Math.abs(E.trim * trim), 2, "rad/s")}`;
+  trim === 0 ? "no trim" : `${D.turns[trim > 0 ? 0 : 1]} ${fixed(Math.abs(E.trim * trim), 2, "rad/s")}`;
 const trimMark = (trim) => (trim === 0 ? "0" : `${trim > 0 ? "▲" : "▼"} ${Math.abs(E.trim * trim).toFixed(2)}`);
 
 function setTrim(value) {
