@@ -14,7 +14,7 @@ from sledenv.envs.task import Task
 from sledenv.pages.ride import Hill, Ridden, ride_page
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
-from tests.browser import Browser, at_speed, browser, needs_chromium, patient, wait_until
+from tests.browser import Browser, at_speed, needs_chromium, patient, wait_until
 
 MOST_BYTES: Final = 700_000
 SEEDS: Final = (4, 5)
@@ -71,18 +71,11 @@ def test_a_page_to_ride_needs_a_rider_and_a_hill() -> None:
 # What a browser shows.
 
 
-@pytest.fixture(scope="module")
-def chromium(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
-    with browser(tmp_path_factory.mktemp("profile")) as opened:
-        yield opened
-
-
 @pytest.fixture
 def page(chromium: Browser, tmp_path: Path) -> Iterator[Browser]:
     """The rider is unsteady: errors are part of each ride."""
     file = tmp_path / "ride.html"
     file.write_text(patient(page_of("sled_unsteady")), encoding="utf-8")
-    chromium.log()
     chromium.open(file)
     wait_until(chromium, f"riders.length > 0 && {STANDS}")
     yield chromium

@@ -399,49 +399,47 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="custom", **disc) == segment(2, 0.5, 0.1, 0.2, math.pi)
     assert body(kind="custom", **disc, half_angle_deg=90) == segment(2, 0.5, 0.1, 0.2, math.pi / 2)
     assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == segment(2, 0, 0, 0.2)
-    assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
+    assert body(**SEGMENT) == circular_segment(2, 0.5, math.pi / 3)
     assert body(kind="sled") == sled()
     assert body(kind="sled", sled_mass_kg=30, balance=0.1) == sled(sled_mass=30.0, balance=0.1)
     assert body(**POLYGON) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)])
     assert body(**POLYGON, rounding_m=0.05) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)], 0.05)
 
 
+SEGMENT = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60}
+CUSTOM = {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 1}
+LEAST = "must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = [0.25, 0.5] m"
+KNOWN = "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg"
+
+
+def cornered(*points: Any) -> dict[str, Any]:
+    return POLYGON | {"points_m": [*points]}
+
+
 @pytest.mark.parametrize(
     ("section", "message"),
     [
+        ({**SEGMENT, "half_angle_deg": 0}, "body.half_angle_deg = 0: must be a number in (0, 180] deg"),
+        ({**SEGMENT, "inertia_kg_m2": 1}, f"{KNOWN}, radius_m, half_angle_deg"),
         ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in (0, "),
-        (
-            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 0},
-            "body.half_angle_deg = 0: must be a number in (0, 180] deg",
-        ),
-        (
-            {"kind": "custom", "mass_kg": 2, "radius_m": -1, "eccentricity_m": 0, "inertia_kg_m2": 1},
-            "body.radius_m = -1: must be a number in [0, inf) m",
-        ),
-        (
-            {
-                "kind": "custom",
-                "mass_kg": 2,
-                "radius_m": 0.5,
-                "eccentricity_m": 0.1,
-                "inertia_kg_m2": 1,
-                "half_angle_deg": 60,
-            },
-            "body: eccentricity_m = 0.1: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
-            "[0.25, 0.5] m",
-        ),
+        (CUSTOM | {"radius_m": -1}, "body.radius_m = -1: must be a number in [0, inf) m"),
+        (CUSTOM | {"half_angle_deg": 60}, f"body: eccentricity_m = 0.1: {LEAST}"),
         (SLED | {"bow_radius_m": 0}, "body.bow_radius_m = 0: must be a number in (0, inf) m"),
         (SLED | {"balance": 1}, "body.balance = 1: must be a number in (-1, 1)"),
-        (
-            POLYGON | {"inertia_kg_m2": 1},
-            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, points_m, rounding",
-        ),
-        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
+        (POLYGON | {"inertia_kg_m2": 1}, f"{KNOWN}, points_m, rounding"),
         (POLYGON | {"rounding_m": -0.1}, "body.rounding_m = -0.1: must be a number in [0, inf) m"),
         (POLYGON | {"rounding_m": 0.2}, "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each"),
+        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
+        (POLYGON | {"points_m": 0.3}, f"body.points_m = 0.3: {POINTS}"),
+        (cornered([0, 0], [1, 0]), f"body.points_m = [[0, 0], [1, 0]]: {POINTS}"),
+        (cornered(*13 * [[0, 0]]), f"body.points_m = [{6 * '[0, 0], '}...]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
+        (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1]: must differ from the next one"),
         (
-            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},
-            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, radius_m, half_angle_deg",
+            cornered([0, 0], [1, 0], [1, 1], [0.9, 0.1]),
+            "body: points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; ",
         ),
     ],
 )
@@ -450,30 +448,11 @@ def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], messa
     assert line.startswith(f"scenario example: {message}")
 
 
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (0.3, f".points_m = 0.3: {POINTS}"),
-        ([[0, 0], [1, 0]], f".points_m = [[0, 0], [1, 0]]: {POINTS}"),
-        (13 * [[0, 0]], f".points_m = [[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], ...]: {POINTS}"),
-        ([[0, 0], [1, 0], [0, 1, 0]], f".points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
-        ([[0, 0], [1, "0"], [0, 1]], f".points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
-        ([[0, 0], [1, 0], [0, math.inf]], f".points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
-        ([[0, 0], [1, 0], [1, 0]], ": points_m[1]: must differ from the next one"),
-        ([[0, 0], [1, 0], [1, 1], [0.9, 0.1]], ": points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; "),
-    ],
-)
-def test_the_corners_of_a_polygon_are_points_of_a_convex_one(points: Any, message: str) -> None:
-    (line,) = problems(changed(body=POLYGON | {"points_m": points}))
-    assert line.startswith(f"scenario example: body{message}")
-
-
 @pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
 @pytest.mark.parametrize("orientation", [0.0, 0.7, -2.0, 3.1, 8.0, -40.0])
 def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: float, orientation: float) -> None:
     """Oracle: the smallest height of 40 000 points of the outline, drawn around the launched mass centre."""
-    body = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": half_angle_deg}
-    scenario = Scenario.model_validate(changed(body=body))
+    scenario = Scenario.model_validate(changed(body=SEGMENT | {"half_angle_deg": half_angle_deg}))
     context = scenario.sample(np.random.default_rng(1))
     state = scenario.launch(context, orientation, 3.0)
     assert state == State(0.0, state.y, orientation, context.speed, -context.fall, 3.0)

@@ -32,7 +32,6 @@ from sledenv.simulation.support import support_height
 
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
 WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
-LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 energies = st.one_of(st.just(0.0), st.floats(1e-9, 1e6))
 UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code not in (FINISHED, NON_FINITE)]
 

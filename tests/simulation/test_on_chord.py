@@ -35,7 +35,6 @@ def problem(seed: int) -> tuple[ContactLaw, State]:
 
 
 PROBLEMS = [problem(seed) for seed in range(60)]
-LAWS, LAUNCHES = map(list, zip(*PROBLEMS, strict=True))
 
 
 def descents(solver: str, end_on_chord: bool) -> list[Descent]:

@@ -165,6 +165,8 @@ def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[
 
 def checked_numbers(name: str, given: Any, fields: Sequence[str] = ()) -> np.ndarray:
     """Return an array of floats, whatever its shape; TypeError for what is masked or holds no numbers."""
+    if isinstance(given, bool | np.bool_):
+        raise TypeError(f"{name} = {given!r}: must be a number or numbers{_named(fields)}")
     if not _is_series(given):
         _check_entries(name, given, fields)
     try:

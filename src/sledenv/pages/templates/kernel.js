@@ -85,13 +85,14 @@ class Kernel {
       if (status !== "running") break;
       takeoffs.push(outcome);
     }
+    const trajectory = this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room));
     return {
       status,
       outcome,
       takeoffs,
       rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
-      trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
-      contacts: this.#contacts(rows.place, Math.min(outcome.samples, room)),
+      trajectory,
+      contacts: this.#contacts(rows.place, trajectory),
     };
   }
 
@@ -211,21 +212,22 @@ class Kernel {
   }
 
   /* Copy the contacts of all rows of a trajectory into one table. */
-  #contacts(place, count) {
+  #contacts(place, { t: times, touching }) {
     const { size, fields } = this.layout.records.TRAJECTORY;
     const [record, first] = fields.contacts;
     const { size: step, fields: parts } = this.layout.records[record];
-    const [t, row, places] = [[], [], []];
-    for (let i = 0, there = place; i < count; i++, there += size)
-      for (let k = 0; k < this.#get("TRAJECTORY", "touching", there); k++) {
-        t.push(this.#get("TRAJECTORY", "t", there));
+    const [row, places] = [[], []];
+    touching.forEach((count, i) => {
+      for (let k = 0; k < count; k++) {
         row.push(i);
-        places.push(there + first + k * step);
+        places.push(place + i * size + first + k * step);
       }
-    const columns = { t: Float64Array.from(t), row: Int32Array.from(row) };
-    for (const [name, [kind]] of Object.entries(parts)) {
+    });
+    const columns = { t: Float64Array.from(row, (i) => times[i]), row: Int32Array.from(row) };
+    for (const [name, [kind, offset]] of Object.entries(parts)) {
       const of = kind === "f8" ? Float64Array : Int32Array;
-      columns[name] = of.from(places, (one) => this.#get(record, name, one));
+      const numbers = new of(this.memory.buffer);
+      columns[name] = of.from(places, (one) => numbers[(one + offset) / of.BYTES_PER_ELEMENT]);
     }
     return columns;
   }
