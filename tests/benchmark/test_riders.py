@@ -24,12 +24,16 @@ def problem() -> Problem:
     return Problem(SCENARIO, "descent")
 
 
+def drawn(problem: Problem, *seeds: int) -> np.ndarray:
+    return np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
+
+
 def test_the_rule_and_the_one_that_looks_ahead_ride_where_no_agent_ships(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Oracle: the rides that are judged; plans of the same trims."""
     monkeypatch.setattr(riders, "TRAINED", tmp_path)
-    contexts = problem.contexts("test", 2)
+    contexts = drawn(problem, 4, 5)
     found = ridden(problem.scenario, contexts, [])
     assert [[one.name for one in rides] for rides in found] == [["rule (land parallel)", "lookahead (replan)"]] * 2
     judged, firsts = problem.judge(land_parallel.Agent(problem), contexts)
@@ -42,7 +46,7 @@ def test_the_rule_and_the_one_that_looks_ahead_ride_where_no_agent_ships(
 def test_a_trained_agent_rides_if_it_is_named_or_ships(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    contexts = problem.contexts("test", 1)
+    contexts = drawn(problem, 4)
     run = train("sledenv.agents.zero", problem, {}, 3, tmp_path / f"{SCENARIO}-descent-trim-zero-s3")
     (named,) = ridden(problem.scenario, contexts, [run])
     assert [one.name for one in named] == ["rule (land parallel)", "trained (zero, seed 3)"]

@@ -156,7 +156,7 @@ function fit() {
   const body = D.drawn[E.hills.indexOf(hill)];
   const width = clamp($("controls").clientWidth, 260, 1160);
   const points = riders.flatMap(({ rows }) => rows.x.map((x, i) => [x, rows.y[i]]));
-  const scale = clamp(width / 16, 36, 72) * clamp(1.2 / size, 0.2, 2);
+  const scale = clamp(width / 16, 36, 72) * Math.min(1, 1.5 / size); // [px/m]
   close = new Scene({ slope, body, size, close: scale }, [[launch.x, launch.y]], width, [0, width < 450 ? 330 : 400]);
   whole = new Scene({ slope, body, size, close: 0 }, thinned(points, 500), width, [60, 200]);
   for (const [id, scene] of [
