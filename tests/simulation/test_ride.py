@@ -39,11 +39,10 @@ ROTOR = 3.0  # kg m^2
 def problem(name: str, seed: int) -> tuple:
     """Body, law, slope and launch of a random context with a random launch."""
     rng = np.random.default_rng(seed)
-    scenario = load_scenario(own_scenario("ice_drop") if name == "disc" else name)
+    scenario = load_scenario(name)
     context = scenario.sample(rng)
     launch = scenario.launch(context, rng.uniform(-math.pi, math.pi), rng.uniform(-8.0, 8.0))
-    given = scenario.body(), scenario.law(context), scenario.slope(context), launch
-    return given if name != "disc" else (segment(90.0, 0.5, 0.1, 9.0), *given[1:3], launch._replace(y=2.0))
+    return scenario.body(), scenario.law(context), scenario.slope(context), launch
 
 
 def assert_same(one, other) -> None:
