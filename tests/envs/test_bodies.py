@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
@@ -91,16 +93,25 @@ def test_contexts_go_by_their_bodies():
     assert task.launches(contexts[:0], np.zeros((0, len(task.controlled)))).shape == (0, 6)
 
 
-def test_a_body_can_be_asked_for_and_none_that_the_scenario_does_not_have():
+def test_a_body_can_be_asked_for():
     env, batch = SledLaunch(SEVERAL), SledLaunchVector(3, SEVERAL)
     for shape in (0, 1, 2):
         assert env.reset(options={"context": {"shape": shape}})[0][SHAPE] == shape - 1.0
     assert batch.reset(options={"context": {"shape": [2, 0, 1]}})[0][:, SHAPE].tolist() == [1.0, -1.0, 0.0]
-    for refuse in (env, batch):
-        with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
-            refuse.reset(options={"context": {"shape": 3}})
+
+
+@pytest.mark.parametrize("kind", [SledLaunch, SledDescent, partial(SledLaunchVector, 2)])
+def test_a_body_that_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind):
+    """Oracle: a twin that was never given it."""
+    env, twin = kind(SEVERAL), kind(SEVERAL)
+    assert equal(env.reset(seed=1), twin.reset(seed=1))
+    with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
+        env.reset(seed=2, options={"context": {"shape": 3}})
+    action = np.zeros(env.action_space.shape, np.float32)
+    assert equal(env.step(action), twin.step(action))
+    assert equal(env.reset(), twin.reset())
     with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
-        SledLaunch(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
+        kind(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
 
 
 def test_contexts_and_flights_are_seen_with_their_body():

@@ -89,7 +89,7 @@ def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(env_id
     rng = np.random.default_rng(0)
     assert equal(env.reset(seed=11), sync.reset(seed=11))
     assert env.np_random_seed == sync.np_random_seed
-    for _ in range(25):
+    for _ in range(15):
         action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         one, other = env.step(action), sync.step(action)
         assert env.observation_space.contains(one[0])
