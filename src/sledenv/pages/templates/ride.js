@@ -359,11 +359,17 @@ document.addEventListener("keydown", (event) => {
   if (event.ctrlKey || event.metaKey || event.altKey || (event.target.closest("input, select") && !onTrim)) return;
   const keys = { ArrowLeft: -1, ArrowRight: 1, ...(onTrim ? { ArrowUp: -1, ArrowDown: 1 } : {}) };
   if (event.key in keys) nudge(keys[event.key]);
-  else if (event.key === " " && !(event.target.closest("button") && event.target !== $("go"))) go();
-  else if (event.key === "Backspace") takeBack();
+  else if (event.key === " " && !event.target.closest("button")) {
+    if (!event.repeat) go();
+  } else if (event.key === "Backspace") takeBack();
   else return;
   event.preventDefault();
 });
+/* What a hand has pressed or chosen leaves the keys to the ride. */
+document.addEventListener("click", ({ target, detail }) => {
+  if (detail) target.closest("button, #through")?.blur();
+});
+document.addEventListener("change", ({ target }) => target.closest("select")?.blur());
 window.addEventListener("resize", () => {
   if (riders.length) fit();
 });
