@@ -28,14 +28,14 @@ def drawn(problem: Problem, *seeds: int) -> np.ndarray:
     return np.array([problem.scenario.sample(np.random.default_rng(seed)) for seed in seeds])
 
 
-def test_the_rule_and_the_one_that_looks_ahead_ride_where_no_agent_ships(
+def test_the_rule_rides_alone_where_no_agent_ships(
     problem: Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     """Oracle: the rides that are judged; plans of the same trims."""
     monkeypatch.setattr(riders, "TRAINED", tmp_path)
     contexts = drawn(problem, 4, 5)
     found = ridden(problem.scenario, contexts, [])
-    assert [[one.name for one in rides] for rides in found] == [["rule (land parallel)", "lookahead (replan)"]] * 2
+    assert [[one.name for one in rides] for rides in found] == [["rule (land parallel)"]] * 2
     judged, firsts = problem.judge(land_parallel.Agent(problem), contexts)
     for i in range(2):
         plans = np.array([found[i][0].trims])

@@ -1,8 +1,7 @@
-"""Who rides beside the visitor of a page: the rule, and trained agents or the one that looks ahead."""
+"""Who rides beside the visitor of a page: the rule, and trained agents."""
 
 from __future__ import annotations
 
-import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Final, NamedTuple
@@ -11,13 +10,12 @@ import numpy as np
 
 from sledenv.benchmark.figures import label
 from sledenv.benchmark.problem import Agent, Problem
-from sledenv.benchmark.runs import SETTINGS, TRAINED, agent_class, agent_name, load_run, read_config, read_settings
+from sledenv.benchmark.runs import TRAINED, agent_class, agent_name, load_run, read_config
 from sledenv.envs.inputs import Contexts
 from sledenv.pages.ride import Ridden
 from sledenv.scenarios.scenario import Scenario, ScenarioError
 
 _RULE: Final = "sledenv.agents.land_parallel"
-_LOOKAHEAD: Final = "sledenv.agents.replan"
 
 
 class _Rider(NamedTuple):
@@ -30,7 +28,7 @@ def ridden(scenario: Scenario, contexts: Contexts, runs: Sequence[Path]) -> list
     """Return how others ride in contexts of shape (n, 12): a list for each of them.
 
     They are the rule that lands parallel to the ground and the agents of runs, or of those that ship for the scenario
-    if none are named; the agent that looks ahead where there are none.
+    if none are named.
 
     Raises
     ------
@@ -41,22 +39,17 @@ def ridden(scenario: Scenario, contexts: Contexts, runs: Sequence[Path]) -> list
     GivenCodeError
         If an agent raises an error.
     """
-    riders = [_untrained(scenario, _RULE, "rule")]
-    riders += [_trained(scenario, run) for run in runs or _shipped(scenario)]
-    if len(riders) == 1:
-        riders.append(_untrained(scenario, _LOOKAHEAD, "lookahead"))
+    riders = [_rule(scenario), *(_trained(scenario, run) for run in runs or _shipped(scenario))]
     found = [(one.name, one.problem.ride(one.agent, contexts)[1]) for one in riders]
     return [
         [Ridden(name, trims[i][~np.isnan(trims[i])].tolist()) for name, trims in found] for i in range(len(contexts))
     ]
 
 
-def _untrained(scenario: Scenario, module: str, words: str) -> _Rider:
-    """An agent with nothing to learn."""
+def _rule(scenario: Scenario) -> _Rider:
+    """The rule, which has nothing to learn and writes nothing."""
     problem = Problem(scenario, "descent")
-    with tempfile.TemporaryDirectory() as folder:
-        agent = agent_class(module).train(problem, read_settings(SETTINGS, module, problem), 0, Path(folder))
-    return _Rider(f"{words} ({label(agent_name(module))})", problem, agent)
+    return _Rider(f"rule ({label(agent_name(_RULE))})", problem, agent_class(_RULE).load(problem, Path()))
 
 
 def _trained(scenario: Scenario, run: Path) -> _Rider:
