@@ -60,7 +60,9 @@ def new_trajectory(rows: int, sample_interval: float) -> np.ndarray:
 def available() -> float:
     """Return how much memory [bytes] may be had without swapping; all there is, or inf, where the system is silent."""
     with contextlib.suppress(OSError, ValueError, IndexError):
-        return 1024.0 * float(Path("/proc/meminfo").read_text().partition("MemAvailable:")[2].split()[0])
+        return 1024.0 * float(
+            Path("/proc/meminfo").read_text(encoding="utf-8").partition("MemAvailable:")[2].split()[0]
+        )
     with contextlib.suppress(AttributeError, OSError, ValueError):
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     return math.inf
