@@ -231,12 +231,12 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
         (np.zeros(3), r"action has shape \(\): must be \(2,\)"),
         ([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]], r"actions\[1\] = \[0.0, nan\]: must be within \[-1.0, 1.0\]"),
         ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
-        ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must be numbers of shape"),
+        ([[0.0, 0.0], [0.0], [0.0, 0.0]], "must hold numbers of shape"),
         ("launch", "must be numbers of shape"),
         (None, "actions = None: must be numbers of shape"),
-        ([["0.1", "0.2"]] * 3, "must be numbers of shape"),
-        (np.zeros((3, 2), complex), "must be numbers of shape"),
-        (np.zeros((3, 2), bool), "must be numbers of shape"),
+        ([["0.1", "0.2"]] * 3, "must hold numbers of shape"),
+        (np.zeros((3, 2), complex), "must hold numbers of shape"),
+        (np.zeros((3, 2), bool), "must hold numbers of shape"),
     ],
 )
 def test_a_wrong_action_is_refused_and_no_lane_advances(action, message):

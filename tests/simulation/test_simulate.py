@@ -745,7 +745,7 @@ BAD_BATCHES: list[tuple[str, Any, type[Exception], str]] = [
     ("body", np.array([DISC_ROW] * 2)[:, :4], V, "body has shape (2, 4): must be (N, 5), columns mass, radius"),
     ("body", np.array([["a"] * 5] * 2), T, "body holds <U1: must hold numbers, columns mass, radius"),
     ("body", np.array([DISC_ROW, [*DISC_ROW[:4], 4.0]]), V, "body[1].half_angle = 4.0: must be in (0, pi] rad"),
-    ("body", np.array([[-1.0, *DISC_ROW[1:]], DISC_ROW]), V, "body[0].mass = -1.0: must be in (0, inf)"),
+    ("body", np.array([[-1.0, *DISC_ROW[1:]], DISC_ROW]), V, "body[0].mass = -1.0: must be in [1e-50, 1e+50]"),
     (
         *("body", np.array([DISC_ROW, [*DISC_ROW[:2], 1.0, *DISC_ROW[3:]]]), V),
         "body[1].eccentricity = 1.0: must be in [max(radius cos(half_angle), 0), radius] = [0.0, 0.1] m",

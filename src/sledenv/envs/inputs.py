@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.scenarios.scenario import Context, Split, check_split
-from sledenv.simulation.rules import checked, checked_rows
+from sledenv.simulation.rules import checked, checked_rows, numbers_of
 
 # (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -59,12 +59,9 @@ def checked_actions(
     """
     shape = (lanes, *space.shape)
     try:
-        given = np.asarray(actions)
-    except (TypeError, ValueError) as error:  # rows of different lengths
-        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}") from error
-    if given.dtype.kind not in "iuf":
-        raise InvalidAction(f"actions = {actions!r}: must be numbers of shape {shape}")
-    given = given.astype(np.float64)
+        given: NDArray[np.float64] = numbers_of("actions", actions, f"numbers of shape {shape}")
+    except (TypeError, ValueError) as error:
+        raise InvalidAction(str(error)) from error
     if given.shape[:1] != shape[:1]:
         raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
     if given.shape != shape:
@@ -92,7 +89,7 @@ def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
             if name not in Context._fields:
                 raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
             i = Context._fields.index(name)
-            column = _array(f"context.{name}", value)
+            column = numbers_of(f"context.{name}", value, "a number, or an array of them")
             if column.shape not in ((), (lanes,)):
                 raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
             for number in column.reshape(-1).tolist():
@@ -100,24 +97,13 @@ def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
             fixed[:, i] = column
     elif context is not None:
         shape = (lanes, FIELDS)
-        rows = _array("context", context)
+        rows = numbers_of("context", context, "numbers")
         if rows.shape not in (shape, shape[1:]):
             raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
         owner = "context" if rows.ndim == 1 else "context[{lane}]"
         checked_rows(owner, Context, np.atleast_2d(rows))
         fixed[:] = rows
     return fixed
-
-
-def _array(name: str, value: Any) -> NDArray[np.float64]:
-    """Return numbers as an array of floats, or raise TypeError."""
-    try:
-        array = np.asarray(value)
-    except ValueError:  # rows of different lengths
-        array = np.asarray(None)
-    if array.dtype.kind not in "iuf":
-        raise TypeError(f"{name} = {value!r}: must be a number, or an array of numbers")
-    return np.asarray(array, np.float64)
 
 
 def read_options(
