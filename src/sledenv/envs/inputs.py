@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.scenarios.scenario import Context, Split, check_split
-from sledenv.simulation.rules import checked, checked_rows, numbers_of
+from sledenv.simulation.rules import checked, checked_table, numbers_of
 
 # (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -96,12 +96,9 @@ def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
                 checked("context", name, number, Context.rules[i])
             fixed[:, i] = column
     elif context is not None:
-        shape = (lanes, FIELDS)
-        rows = numbers_of("context", context, "numbers")
-        if rows.shape not in (shape, shape[1:]):
-            raise ValueError(f"context has shape {rows.shape}: must be {shape[1:]} or {shape}")
-        owner = "context" if rows.ndim == 1 else "context[{lane}]"
-        checked_rows(owner, Context, np.atleast_2d(rows))
+        rows = checked_table("context", context, Context._fields, Context.rules)
+        if len(rows) not in (1, lanes):
+            raise ValueError(f"context has {len(rows)} rows: must have one, or one a lane, {lanes}")
         fixed[:] = rows
     return fixed
 

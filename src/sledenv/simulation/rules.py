@@ -271,7 +271,7 @@ def _check_entries(name: str, given: Any, wanted: str, fields: Sequence[str] | N
         raise ValueError(f"{name} holds {reprlib.repr(given)}: must hold {wanted}; no integer of more than 64 bits")
     elif isinstance(given, np.ma.MaskedArray):
         raise TypeError(f"{name} is a masked array, or holds one: must hold {wanted}, without a mask")
-    elif _is_series(given):
+    elif fields and _is_series(given):
         raise TypeError(f"{name} holds a {type(given).__name__}: must be one DataFrame, or hold numbers")
 
 
