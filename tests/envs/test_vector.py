@@ -271,7 +271,7 @@ def test_a_lane_that_is_being_reset_ignores_its_action():
             "unknown option 'contxt': must be one of 'context', 'split', 'reset_mask'",
         ),
         (
-            {"options": {"context": np.zeros((2, 12))}},
+            {"options": {"context": np.ones((2, 12))}},
             ValueError,
             r"context has 2 rows: must have one, or one a lane, 3",
         ),

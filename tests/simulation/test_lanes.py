@@ -220,6 +220,12 @@ def test_what_does_not_fit_is_named() -> None:
             f"keep_rebounds = True: the logs of 1000 launches, max_rebounds = 1000, take {log}lower max_rebounds or "
             "take them block by block, see simulate_blocks"
         )
+    for count, what in (
+        (10**9, r"launches: their 6000000000 numbers take 48 GB"),
+        (10**6, r"launches: the outcomes of"),
+    ):
+        with pytest.raises(MemoryError, match=f"{what}.*, and there are 0.1 GB; "):
+            simulate_batch(*GIVEN, np.broadcast_to(LAUNCH, (count, 6)))
 
 
 @pytest.mark.usefixtures("little_room")
