@@ -176,6 +176,7 @@ def with_options(options: Any) -> Any:
         (lambda: wheel(friction=10**400), "friction = 1000000"),
         (lambda: wheel(u=[1.0, True]), "u holds True or False: must hold numbers, each a finite number"),
         (lambda: wheel(v=np.ma.masked), "v is a masked array, or holds one: must hold numbers, each a finite number"),
+        (lambda: sledenv.study("push_off", "out", launches=10**400), "launches = 1000000"),
         (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
     ],
 )

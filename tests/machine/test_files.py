@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import errno
 import secrets
 from pathlib import Path
 
@@ -39,3 +40,12 @@ def test_a_file_is_not_written_through_a_link_that_somebody_has_left(
     ):
         part.write_text("mine")
     assert (tmp_path / "theirs").read_text() == "theirs"
+
+
+def test_a_full_disk_is_told_with_the_file_that_was_not_written(tmp_path: Path) -> None:
+    """Oracle: the message, and the file as it was; Python names no file where writing fails."""
+    (tmp_path / "mine.yaml").write_text("before")
+    full = pytest.raises(OSError, match=r"mine\.yaml was not written: No space left on device")
+    with full, replacing(tmp_path / "mine.yaml", ".yaml"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("mine.yaml", "before")]

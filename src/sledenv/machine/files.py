@@ -55,6 +55,10 @@ def replacing(file: str | os.PathLike[str], *suffixes: str) -> Iterator[Path]:
     try:
         yield scratch
         scratch.replace(place)
+    except OSError as error:
+        if error.filename is not None or error.errno is None:
+            raise
+        raise OSError(f"{place} was not written: {error.strerror}") from error  # Python names no file on a full disk
     finally:
         scratch.unlink(missing_ok=True)
 
