@@ -9,6 +9,7 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self, cast
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -348,25 +349,35 @@ class _Learner:
             self._average.update_parameters(self._critic)
 
 
-def keep(critic: Critic, path: Path) -> None:
+def keep(critic: nn.Module, path: Path) -> None:
     """Write a critic as plain arrays of half precision: nothing that could run when it is read."""
     arrays = {name: value.numpy().astype(np.float16) for name, value in critic.state_dict().items()}
     np.savez_compressed(path, **arrays)
 
 
-def kept(problem: Problem, path: Path) -> Critic:
+def kept_weights(path: Path) -> dict[str, torch.Tensor]:
     """Read what :func:`keep` wrote.
 
     Raises
     ------
     ValueError
-        If a weight is no finite number: whatever is rated by it would be the first that is tried.
+        If the file cannot be read, or a weight is no finite number: whatever is rated by it would be the first that is
+        tried.
     """
-    with np.load(path, allow_pickle=False) as arrays:
-        state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+    except (OSError, EOFError, ValueError, BadZipFile) as error:
+        raise ValueError(f"{path} cannot be read: {error}") from error
     wrong = [name for name, value in state.items() if not value.isfinite().all()]
     if wrong:
         raise ValueError(f"{path}: {wrong[0]} has weights that are no finite numbers")
+    return state
+
+
+def kept(problem: Problem, path: Path) -> Critic:
+    """Return the critic that is kept in a file; raises as :func:`kept_weights`."""
+    state = kept_weights(path)
     *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
     critic = Critic(Touch(problem), layers, bins)
     critic.load_state_dict(state)

@@ -42,7 +42,7 @@ class Curve:
         self._path = folder / FILE
         self._begun = time.perf_counter()
         self._judging = 0.0
-        with self._path.open("w", newline="") as file:
+        with self._path.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow(["descents", "seconds", "mean_reward", "finished"])
 
     def check(self, agent: Agent, descents: int) -> Check:
@@ -51,7 +51,7 @@ class Curve:
         batch, _ = self._problem.judge(agent, self._contexts)
         check = Check(float(batch.jam.reward.mean()), float((batch.status == "finish").mean()))
         seconds = begun - self._begun - self._judging
-        with self._path.open("a", newline="") as file:
+        with self._path.open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow([descents, f"{seconds:.2f}", *check])
         self._judging += time.perf_counter() - begun
         return check

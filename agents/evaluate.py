@@ -144,6 +144,8 @@ def _evaluate(
 ) -> None:
     """Judge trained agents.
 
+    Judge only runs that you trust: the module that a run names is imported, and a model.zip may hold pickles.
+
     Parameters
     ----------
     runs

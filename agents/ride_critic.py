@@ -18,6 +18,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.vector import SledDescentVector
 from sledenv.machine.extras import needs
 
+from .critic import keep, kept_weights
 from .curve import Curve
 from .flight import Flights, Landings
 
@@ -218,24 +219,13 @@ class Agent:
                 if turn + 1 < turns:
                     coming = pool.submit(rides.sample, known if turn else None)
                     learner.learn()
-        arrays = {name: value.numpy().astype(np.float16) for name, value in best.state_dict().items()}
-        np.savez_compressed(folder / _FILE, **arrays)
+        keep(best, folder / _FILE)
         return cls.load(problem, folder)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the critic of a run.
-
-        Raises
-        ------
-        ValueError
-            If a weight is no finite number: whatever is rated by it would be the first that is tried.
-        """
-        with np.load(folder / _FILE, allow_pickle=False) as arrays:
-            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
-        wrong = [name for name, value in state.items() if not value.isfinite().all()]
-        if wrong:
-            raise ValueError(f"{folder / _FILE}: {wrong[0]} has weights that are no finite numbers")
+        """Read the critic of a run; raises as :func:`sledenv.agents.critic.kept_weights`."""
+        state = kept_weights(folder / _FILE)
         *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
         critic = Critic(state["flight.weight"].shape[1], state["trim.weight"].shape[1], layers, bins)
         critic.load_state_dict(state)

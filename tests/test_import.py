@@ -6,6 +6,7 @@ import ast
 import importlib.metadata
 import subprocess
 import sys
+import zipfile
 from collections.abc import Iterator
 from graphlib import TopologicalSorter
 from pathlib import Path
@@ -35,6 +36,15 @@ def test_the_package_says_what_it_registers_and_its_version() -> None:
     """Oracle: Gymnasium's registry; the installed distribution."""
     assert [name for name in gymnasium.registry if name.startswith("sledenv/") and name not in sledenv.__doc__] == []
     assert sledenv.__version__ == importlib.metadata.version("sledenv")
+
+
+def test_an_archive_says_that_it_must_be_installed(tmp_path: Path) -> None:
+    """Oracle: the message; scenarios and kernels are files."""
+    with zipfile.ZipFile(tmp_path / "one.zip", "w") as archive:
+        archive.write(sledenv.__file__, "sledenv/__init__.py")
+    program = f"import sys; sys.path.insert(0, {str(tmp_path / 'one.zip')!r}); import sledenv"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
+    assert "ImportError: sledenv cannot be imported from an archive" in done.stderr
 
 
 def test_an_episode_without_pictures_loads_no_optional_package() -> None:

@@ -68,6 +68,15 @@ def many(launches: Any, law: Any = LAW, slope: Any = INCLINE) -> Any:
     return sledenv.simulate_batch(DISC, law, slope, launches)
 
 
+def hit(**given: Any) -> Any:
+    return sledenv.rigid_impact(DISC, LAW, LAUNCH, **given)
+
+
+def wheel(**given: Any) -> Any:
+    good = {"mass": 1.0, "inertia": 0.5, "radius": 1.0, "friction": 0.2, "rolling_arm": 0.01, "restitution": 0.5}
+    return sledenv.collide_wheel(**good | {"u": 1.0, "v": -1.0} | given)
+
+
 def with_options(options: Any) -> Any:
     envs = make_vec_env(ID, 3)
     envs.set_options(options)
@@ -159,6 +168,22 @@ def with_options(options: Any) -> Any:
             lambda: sledenv.identify(rebounds() * 1j, gyration_radius=0.3),
             "u_before_m_s: must be numbers, is of the type",
         ),
+        (lambda: many([LAUNCH], slope=[(0.1, 10**400, 9.81)]), "slope holds 1000000"),
+        (lambda: sledenv.polygon(1.0, [(0, 0), (10**400, 0), (1, 1)]), "polygon.points holds 1000000"),
+        (lambda: sledenv.polygon(1.0, [(0, 0), (1e200, 0), (1, 1)]), "polygon.points[1] = 1e+200: must be in [-1e+50"),
+        (
+            lambda: sledenv.hull(1.0, 1.0, [(0, 0, 1e60)], ["a"]),
+            "hull.circles[0] = 1e+60: must be in [-1e+50",
+        ),
+        (lambda: sledenv.Settings(max_rebounds=10**400), "Settings.max_rebounds = 1000000"),
+        (lambda: hit(hypothesis=np.zeros(2)), "hypothesis = array([0., 0.]): must be one of 'energetic', 'poisson'"),
+        (lambda: wheel(mass="1.0"), "mass = '1.0': must be numbers, each in (0, inf)"),
+        (lambda: wheel(inertia=b"1"), "inertia = b'1': must be numbers, each in (0, inf)"),
+        (lambda: wheel(radius=True), "radius = True: must be numbers, each in (0, inf)"),
+        (lambda: wheel(friction=10**400), "friction holds 1000000"),
+        (lambda: wheel(u=[1.0, True]), "u holds True or False: must hold numbers, each a finite number"),
+        (lambda: wheel(v=np.ma.masked), "v is a masked array, or holds one: must hold numbers, each a finite number"),
+        (lambda: sledenv.study("push_off", "out", launches=10**400), "launches = 1000000"),
         (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
     ],
 )

@@ -15,7 +15,11 @@ from __future__ import annotations
 
 import importlib
 import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+if not Path(__file__).is_file():
+    raise ImportError(f"sledenv cannot be imported from an archive, {__file__}: install it with pip, which unpacks it")
 
 if sys.argv[:1] == ["-m"]:  # until Python has found the module that it is to run
     from sledenv.machine import starting as _starting

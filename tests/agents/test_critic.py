@@ -180,6 +180,10 @@ def test_weights_that_are_no_numbers_are_refused(tmp_path):
     keep(critic, tmp_path / "critic.npz")
     with pytest.raises(ValueError, match=r"critic\.npz: last\.bias has weights that are no finite numbers"):
         kept(problem, tmp_path / "critic.npz")
+    for cut in (b"", (tmp_path / "critic.npz").read_bytes()[:100]):
+        (tmp_path / "critic.npz").write_bytes(cut)
+        with pytest.raises(ValueError, match=r"critic\.npz cannot be read: "):
+            kept(problem, tmp_path / "critic.npz")
 
 
 @pytest.mark.parametrize(

@@ -193,7 +193,7 @@ def test_rest_is_vectorised() -> None:
 
 def test_wrong_arguments_are_named() -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004)
-    with pytest.raises(ValueError, match="static_jam: phi = nan: must be finite"):
+    with pytest.raises(ValueError, match=r"static_jam: phi\[1\] = nan: must be a finite number"):
         static_jam(DISC, law, Slope(0.1), [0.0, math.nan])
     with pytest.raises(TypeError, match="phi = 'upright': must be numbers"):
         static_jam(DISC, law, Slope(0.1), "upright")

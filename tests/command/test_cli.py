@@ -294,7 +294,7 @@ def test_a_killed_run_leaves_nothing(
 ) -> None:
     request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
-    command = [sys.executable, "-m", "sledenv.command.cli", "reproduce", "--out", str(tmp_path / "out")]
+    command = [sys.executable, "-m", "sledenv", "reproduce", "--out", str(tmp_path / "out")]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         assert process.stderr is not None
         assert "figures 2 and 4" in process.stderr.readline()

@@ -5,6 +5,8 @@ from __future__ import annotations
 import json
 import logging
 import re
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -89,3 +91,10 @@ def test_a_check_that_fails_is_found(ill: Ill) -> None:
 
 def test_kernels_that_are_not_compiled_at_all_are_found(ill: Ill) -> None:
     assert "NUMBA_DISABLE_JIT is set" in ill(INTERPRETED=True)
+
+
+@pytest.mark.slow
+def test_the_package_as_a_module_is_the_command_and_names_every_encoding() -> None:
+    """Oracle: PEP 597, under which a file that is opened without an encoding is an error."""
+    strict = ["-X", "warn_default_encoding", "-W", "error::EncodingWarning"]
+    assert subprocess.run([sys.executable, *strict, "-m", "sledenv", "doctor"], capture_output=True).returncode == 0

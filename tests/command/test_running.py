@@ -220,7 +220,7 @@ def test_an_interrupt_while_the_package_is_loaded_is_one_line(module: str) -> No
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a Unix shell")
 def test_a_reader_that_has_seen_enough_ends_no_command_with_a_traceback() -> None:
-    command = f"{sys.executable} -m sledenv.command.cli simulate paper_impact --json | true"
+    command = f"{sys.executable} -m sledenv simulate paper_impact --json | true"
     assert subprocess.run(["bash", "-c", command], capture_output=True, text=True).stderr == ""
 
 

@@ -1,13 +1,15 @@
-"""Tables as comma-separated values."""
+"""Files that appear only when they are complete, and tables as comma-separated values."""
 
 from __future__ import annotations
 
 import csv
+import errno
+import secrets
 from pathlib import Path
 
 import pytest
 
-from sledenv.machine.files import write_csv
+from sledenv.machine.files import replacing, write_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1+cmd|' /C calc'!A0", "-2-3", "@SUM(A1)", "\t=1+1", " =1", "=", "--1"])
@@ -23,3 +25,27 @@ def test_everything_else_is_written_as_it_is(value: object, tmp_path: Path) -> N
     write_csv(tmp_path / "table.csv", ("name", "value"), [("row", value)])
     text = "" if value is None else str(value)
     assert (tmp_path / "table.csv").read_bytes() == f"name,value\nrow,{text}\n".encode()
+
+
+def test_a_file_is_not_written_through_a_link_that_somebody_has_left(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: the file that the link leads to; the name is drawn, and only a test knows it before."""
+    monkeypatch.setattr(secrets, "token_hex", lambda _: "known")
+    (tmp_path / "theirs").write_text("theirs")
+    (tmp_path / ".mine.yaml.known").symlink_to(tmp_path / "theirs")
+    with (
+        pytest.raises(OSError, match="cannot be written: File exists"),
+        replacing(tmp_path / "mine.yaml", ".yaml") as part,
+    ):
+        part.write_text("mine")
+    assert (tmp_path / "theirs").read_text() == "theirs"
+
+
+def test_a_full_disk_is_told_with_the_file_that_was_not_written(tmp_path: Path) -> None:
+    """Oracle: the message, and the file as it was; Python names no file where writing fails."""
+    (tmp_path / "mine.yaml").write_text("before")
+    full = pytest.raises(OSError, match=r"mine\.yaml was not written: No space left on device")
+    with full, replacing(tmp_path / "mine.yaml", ".yaml"):
+        raise OSError(errno.ENOSPC, "No space left on device")
+    assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("mine.yaml", "before")]

@@ -128,7 +128,7 @@ SIDES = corners((1.0, 1.0, -math.pi), (1.0, -1.0, -QUARTER), (-1.0, -1.0, 0.0), 
             "must rise",
             id="order",
         ),
-        pytest.param([Arc(1e308, 1e308, 1e308, 0.0)], "the size inf m must be a finite number", id="endless"),
+        pytest.param([Arc(1e308, 1e308, 1e308, 0.0)], "the size inf m must be 0 or in [1e-50, 1e+50] m", id="endless"),
         pytest.param([Arc(0.0, 0.0, math.nan, 0.0)], "Body.arcs[0].radius = nan: must be in [0, inf)", id="nan"),
     ],
 )
@@ -457,7 +457,7 @@ def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
         ),
         pytest.param([*SQUARE, SQUARE[3]], "polygon.points[3]: must differ from the next one", id="twice"),
         pytest.param([[0.0, 0.0, 0.0]], "polygon.points has shape (1, 3): must be (N, 2)", id="spatial"),
-        pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be a finite number", id="nan"),
+        pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be in [-1e+50, 1e+50]", id="nan"),
         pytest.param(
             [(math.sin(k), math.cos(k)) for k in np.arange(13) * 2.0 * math.pi / 13.0], "Body.arcs has 13", id="many"
         ),
@@ -471,11 +471,11 @@ def test_a_polygon_that_is_not_convex_is_refused(points: Any, message: str) -> N
 
 def test_tables_and_names_of_other_kinds_are_refused() -> None:
     """Oracle: the documented errors."""
-    with pytest.raises(TypeError, match=r"polygon\.points = .*: must hold numbers"):
+    with pytest.raises(TypeError, match=r"polygon\.points holds <U1: must hold numbers"):
         polygon(1.0, [("a", "b")])
-    with pytest.raises(TypeError, match=r"hull\.circles = .*: must hold numbers"):
+    with pytest.raises(TypeError, match=r"hull\.circles = \[\(0.0, 0.0, 1.0\), \(0.0,\)\]: must be numbers"):
         hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0,)], ["a", "b"])
-    with pytest.raises(ValueError, match=r"hull\.circles\[1\]\.radius = -1\.0: must be in \[0, inf\)"):
+    with pytest.raises(ValueError, match=r"hull\.circles\[1\]\.radius = -1\.0: must be 0 or in \[1e-50"):
         hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)], ["a", "b"])
     with pytest.raises(ValueError, match=r"hull\.circles has shape \(0,\): must be \(N, 3\)"):
         hull(1.0, 1.0, [], [])

@@ -35,23 +35,27 @@ GOOD: dict[Any, dict[str, Any]] = {
     State: {"x": 0.0, "y": 1.0, "phi": 0.5, "u": 1.0, "v": -1.0, "omega": 2.0},
 }
 POSITIVE, NOT_NEGATIVE = ([0.0, -1.0], "(0, inf)"), ([BELOW_ZERO], "[0, inf)")
+MEASURE, INERTIA = ([0.0, -1.0, 9e-51, 1.1e50], "[1e-50, 1e+50]"), ([0.0, -1.0, 9e-251, 1.1e150], "[1e-250, 1e+150]")
+MEASURE_OR_0 = ([BELOW_ZERO, 9e-51, 1.1e50], "0 or in [1e-50, 1e+50]")
 FINITE, SHARE = ([], "a finite number"), ([BELOW_ZERO, 1.0 + 1e-15, 2.0], "[0, 1]")
 HALF_TURN = ([0.0, -1.0, ABOVE_HALF_TURN], "(0, pi] rad")
 RANGES: dict[Any, dict[str, tuple[list[float], str]]] = {
     segment: {
-        **dict.fromkeys(("mass", "inertia"), POSITIVE),
-        **dict.fromkeys(("radius", "eccentricity"), NOT_NEGATIVE),
+        **{"mass": MEASURE, "inertia": INERTIA, "radius": MEASURE_OR_0, "eccentricity": NOT_NEGATIVE},
         "half_angle": HALF_TURN,
     },
-    Body: dict.fromkeys(("mass", "inertia"), POSITIVE),
-    circular_segment: {**dict.fromkeys(("mass", "radius"), POSITIVE), "half_angle": HALF_TURN},
+    Body: {"mass": MEASURE, "inertia": INERTIA},
+    circular_segment: {
+        **dict.fromkeys(("mass", "radius"), MEASURE),
+        "half_angle": ([*HALF_TURN[0], 9e-41], "[1e-40, pi] rad"),
+    },
     disc: {
-        **dict.fromkeys(("mass", "radius", "inertia"), POSITIVE),
+        **{"mass": MEASURE, "radius": MEASURE, "inertia": INERTIA},
         "eccentricity": ([BELOW_ZERO, 0.11], "in [0, radius] = [0, 0.1] m"),
     },
-    rod: {**dict.fromkeys(("mass", "length", "inertia"), POSITIVE), "thickness": NOT_NEGATIVE},
-    polygon: {**dict.fromkeys(("mass", "inertia"), POSITIVE), "rounding": NOT_NEGATIVE},
-    lamina: {"mass": POSITIVE},
+    rod: {"mass": MEASURE, "length": MEASURE, "inertia": INERTIA, "thickness": MEASURE_OR_0},
+    polygon: {"mass": MEASURE, "inertia": INERTIA, "rounding": NOT_NEGATIVE},
+    lamina: {"mass": MEASURE},
     ContactLaw: {
         "stiffness": POSITIVE,
         "asymmetry": SHARE,
@@ -90,7 +94,7 @@ def test_a_number_outside_its_range_is_refused_by_name(kind: Any) -> None:
 @pytest.mark.parametrize("value", [None, [1.0], {}, 1j, object, "1", b"1", np.array("1")], ids=repr)
 def test_what_is_not_a_number_is_refused(value: Any) -> None:
     """Oracle: the documented TypeError for what is not a real number, of all fields by the same rule."""
-    with pytest.raises(TypeError, match=r"segment\.mass = .*: must be a number in \(0, inf\)"):
+    with pytest.raises(TypeError, match=r"segment\.mass = .*: must be a number in \[1e-50, 1e\+50\]"):
         segment(value, 0.1, 0.05, 7.5e-3)
     with pytest.raises(TypeError, match=r"Body\.arcs\[0\]\.x = .*: must be a number, a finite number"):
         Body(1.0, 1.0, [Arc(value, 0.0, 1.0, 0.0)])

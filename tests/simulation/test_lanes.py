@@ -11,6 +11,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -137,6 +138,18 @@ def test_an_error_of_another_thread_alone_reaches_the_caller() -> None:
         lanes._share(work, 2, deque(), threading.Event())
 
 
+def test_a_thread_that_outlives_the_others_does_the_work_itself(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: work that counts; what a pool says once Python ends."""
+
+    def ended(*_: object) -> None:
+        raise RuntimeError("cannot schedule new futures after interpreter shutdown")
+
+    monkeypatch.setattr(lanes, "_pool", lambda *_: SimpleNamespace(submit=ended))
+    done: list[int] = []
+    lanes._share(lambda: done.append(1), 3, deque(), threading.Event())
+    assert done == [1]
+
+
 def test_an_interrupt_of_this_thread_ends_the_others_in_the_middle_of_a_block() -> None:
     """Oracle: the other thread, which works until it is told to end."""
     here, ended = threading.get_ident(), threading.Event()
@@ -208,6 +221,12 @@ def test_what_does_not_fit_is_named() -> None:
             f"keep_rebounds = True: the logs of 1000 launches, max_rebounds = 1000, take {log}lower max_rebounds or "
             "take them block by block, see simulate_blocks"
         )
+    for count, what in (
+        (10**9, r"launches: their 6000000000 numbers take 48 GB"),
+        (10**6, r"launches: the outcomes of"),
+    ):
+        with pytest.raises(MemoryError, match=f"{what}.*, and there are 0.1 GB; "):
+            simulate_batch(*GIVEN, np.broadcast_to(LAUNCH, (count, 6)))
 
 
 @pytest.mark.usefixtures("little_room")
@@ -256,10 +275,10 @@ def test_available_memory_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
     if sys.platform == "linux":
         assert lanes.available() != everything
 
-    def unknown(*_: Any) -> Any:
+    def unknown(*_: Any, **__: Any) -> Any:
         raise OSError
 
-    for unreadable in (unknown, lambda _: "", lambda _: "MemAvailable: many kB"):
+    for unreadable in (unknown, lambda *_, **__: "", lambda *_, **__: "MemAvailable: many kB"):
         monkeypatch.setattr(Path, "read_text", unreadable)
         assert lanes.available() == everything
     monkeypatch.setattr(os, "sysconf", unknown)

@@ -247,9 +247,9 @@ def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: 
 # --- arcs in place of sides ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("far", [1e200, 5e-324])
-def test_a_hull_of_numbers_without_squares_is_refused(far: float) -> None:
-    """Oracle: the message; angles of sides cannot be told where squares overflow or vanish."""
+def test_a_hull_of_numbers_without_squares_is_refused() -> None:
+    """Oracle: the message; angles of sides cannot be told where squares vanish."""
+    far = 5e-324
     with pytest.raises(ValueError, match=r"circles: no hull can be told of them, the largest of their numbers being"):
         hull(1.0, 1.0, [(0.0, 0.0, 0.0), (far, 0.0, 0.0), (0.0, far, 0.0), (far, far, 0.0)], list("abcd"))
 

@@ -278,10 +278,11 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
     laws, slopes, launches = columns(problems)
     buried = [launches[0], launches[1]._replace(y=0.0)]
     for call, message in (
-        (lambda: rides.hop(np.zeros(2)), r"trims = .*: must be finite numbers of shape \(3,\)"),
-        (lambda: rides.hop(np.array([0.0, np.nan, 0.0])), "trims = .*: must be finite numbers"),
-        (lambda: rides.hop(np.zeros(3, complex)), "trims = .*: must be finite numbers"),
-        (lambda: rides.hop([[1.0], [1.0, 2.0]]), "trims = .*: must be finite numbers"),
+        (lambda: rides.hop(np.zeros(2)), r"trims has shape \(2,\): must be \(3,\)"),
+        (lambda: rides.hop(np.array([0.0, np.nan, 0.0])), r"trims\[1\] = nan: must be a finite number"),
+        (lambda: rides.hop(np.zeros(3, bool)), "trims holds True or False: must hold numbers, each a finite number"),
+        (lambda: rides.hop(np.zeros(3, complex)), "trims holds complex128: must hold numbers, each a finite number"),
+        (lambda: rides.hop([[1.0], [1.0, 2.0]]), "trims = .*: must be numbers, each a finite number"),
         (
             lambda: rides.launch(np.array([-1]), laws[0], slopes[0], launches[:1]),
             r"lanes holds -1: must be in \[0, 3\)",
@@ -296,7 +297,7 @@ def test_misuse_of_a_batch_is_named_and_leaves_it_as_it_is():
         (lambda: rides.launch(np.arange(2), laws, slopes[:2], launches[:2]), "law: 3 given for 2 launches"),
         (lambda: batch(problems, rotor_inertia=-1.0), r"RideBatch.rotor_inertia = -1.0: must be in \(0, inf\)"),
     ):
-        with pytest.raises(ValueError, match=message):
+        with pytest.raises((TypeError, ValueError), match=message):
             call()
     for each in (rides, twin):
         each.hop(np.zeros(3))

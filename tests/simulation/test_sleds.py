@@ -114,11 +114,11 @@ def test_bodies_of_a_batch_must_agree_on_the_part() -> None:
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"length": 1e200, "bow_radius": 1e200}, "circles: no hull can be told of them"),
-        ({"rider_height": 1e100}, "the runners must be on the outline"),
-        ({"rider_mass": 0.0}, r"sled.rider_mass = 0.0: must be in \(0, inf\)"),
+        ({"length": 1e200}, r"sled.length = 1e\+200: must be in \[1e-50, 1e\+50\]"),
+        ({"rider_height": 1e50}, "the runners must be on the outline"),
+        ({"rider_mass": 0.0}, r"sled.rider_mass = 0.0: must be in \[1e-50, 1e\+50\]"),
         ({"balance": 1.0}, r"sled.balance = 1.0: must be in \(-1, 1\)"),
-        ({"length": 0.1}, r"sled.length = 0.1: must be in \(0.12, inf\) m"),
+        ({"length": 0.1}, r"sled.length = 0.1: must be in \(0.12, 1e\+50\] m"),
         ({"bow_radius": 0.2}, "sled.bow_radius = 0.2: must be large enough"),
     ],
 )

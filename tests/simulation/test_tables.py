@@ -66,7 +66,7 @@ def test_a_masked_number_is_no_number() -> None:
         (FRAME[OTHER[:5]], ValueError, "launches has no column 'phi': must have the columns x, y, phi"),
         (FRAME[[*OTHER, "u"]], ValueError, "launches has the column 'u' more than once"),
         (FRAME.astype({"v": str}), TypeError, "launches.v holds "),
-        (FRAME.assign(v=FRAME["v"] > -1.0), TypeError, "launches.v holds bool: must hold numbers"),
+        (FRAME.assign(v=FRAME["v"] > -1.0), TypeError, "launches.v holds True or False: must hold numbers"),
         (FRAME.assign(v=[0.0, np.nan, 0.0]), ValueError, "launches[1].v = nan: must be a finite number"),
         ([row for _, row in FRAME.iterrows()], TypeError, "launches holds a Series: must be one DataFrame"),
         ([Mixed(0.5, 0.0, 0.1, 6.0, -1.0, 0.5)], TypeError, "launches holds a Mixed of y, x, phi, u, v, omega: must"),

@@ -223,7 +223,7 @@ def of(kind: str, **numbers: float) -> dict[str, Any]:
         ),
         ({"launch__speed_m_s": of("lognormal", median=1, log_sd=500)}, "lies outside [0, inf) m/s"),
         ({"slope__angle_deg": [3, 7]}, "slope.angle_deg: is a range, give a number or a distribution"),
-        ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in (0, inf) m"),
+        ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in [1e-50, 1e+50] m"),
         (
             {"body": {"kind": "cube"}},
             "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom, rock, choice",

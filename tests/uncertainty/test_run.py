@@ -275,7 +275,7 @@ def test_a_study_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     """Oracle: the files of a run of its own that was not killed, by two workers against one."""
     file = tmp_path / "one.yaml"
     file.write_text(yaml.safe_dump(mapping(PUSH, launches=20000)))
-    command = [sys.executable, "-m", "sledenv.command.cli", "study", str(file), "--out"]
+    command = [sys.executable, "-m", "sledenv", "study", str(file), "--out"]
     process = subprocess.Popen([*command, str(tmp_path / "out"), "--workers", "2"], stderr=subprocess.DEVNULL)
     deadline = time.monotonic() + 240.0
     while len(list((tmp_path / "out").glob("launches/*.parquet"))) < 3:

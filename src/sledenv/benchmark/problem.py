@@ -20,12 +20,14 @@ from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
+from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
+_A_TRIAL: Final = 400  # bytes, of its context, its launch and its outcome
 TRIALS: Final = 64  # draws of the launch noise with which a launch is judged in each context
 _BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
@@ -144,6 +146,7 @@ class Problem:
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
+        check_room(count * TRIALS * _A_TRIAL, f"contexts = {count}: they and their trials", "take fewer")
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
         return self.scenario.contexts(draws.reshape(count, FIELDS), split)

@@ -1,36 +1,16 @@
-"""Arguments of closed forms, checked: arrays of numbers, a body at rest on a slope."""
+"""Arguments of closed forms, checked: a body at rest on a slope, and numbers that may be infinite."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import made
+from sledenv.simulation.rules import Rule, made
 from sledenv.simulation.scene import ContactLaw, Slope
 
 Floats = NDArray[np.float64]
-
-
-def is_number(values: Floats) -> NDArray[np.bool_]:
-    """Whether values are numbers, infinite ones included."""
-    return ~np.isnan(values)
-
-
-def numbers(
-    owner: str, name: str, values: ArrayLike, accepts: Callable[[Floats], NDArray[np.bool_]], allowed: str
-) -> Floats:
-    """Return an argument as an array of floats, or raise an error that names it, a value and what is allowed."""
-    try:
-        found = np.asarray(values, dtype=float)
-    except (TypeError, ValueError):
-        raise TypeError(f"{owner}: {name} = {values!r}: must be numbers") from None
-    wrong = found[~accepts(found)]
-    if wrong.size > 0:
-        raise ValueError(f"{owner}: {name} = {wrong.flat[0]}: must be {allowed}")
-    return found
+IS_NUMBER: Rule = (lambda v: ~np.isnan(v), "a number")
 
 
 def resting(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw, Slope]:

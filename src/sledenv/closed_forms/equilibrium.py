@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.closed_forms.arguments import Floats, numbers, resting
+from sledenv.closed_forms.arguments import Floats, resting
 from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import made
+from sledenv.simulation.rules import FINITE, checked_array, made
 from sledenv.simulation.scene import ContactLaw, Slope
 
 
@@ -41,7 +41,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
         If ``phi`` is not finite or gravity is 0, where nothing holds the body down.
     """
     body, law, slope = resting(body, law, slope)
-    a, b, arm = arms_at(body, law, numbers("static_jam", "phi", phi, np.isfinite, "finite"))
+    a, b, arm = arms_at(body, law, checked_array("static_jam: phi", phi, FINITE))
     steepness = math.tan(slope.angle)
     return np.asarray((abs(steepness) <= law.friction) & (np.abs(a + b * steepness) <= arm))
 
@@ -110,7 +110,7 @@ def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
         If ``phi`` is not finite.
     """
     body, law = made_body(body), made("law", ContactLaw, law)
-    a, b, arm = arms_at(body, law, numbers("steepest_jam", "phi", phi, np.isfinite, "finite"))
+    a, b, arm = arms_at(body, law, checked_array("steepest_jam: phi", phi, FINITE))
     with np.errstate(divide="ignore", invalid="ignore"):
         one, other = (-arm - a) / b, (arm - a) / b
     low = np.where(b == 0.0, np.where(np.abs(a) <= arm, -np.inf, np.inf), np.minimum(one, other))

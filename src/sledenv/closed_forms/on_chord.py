@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.closed_forms.arguments import Floats, is_number, numbers, pressed, resting
+from sledenv.closed_forms.arguments import IS_NUMBER, Floats, pressed, resting
 from sledenv.closed_forms.features import rolling_arm
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import made
+from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, checked_array, made
 from sledenv.simulation.scene import ContactLaw, Slope
 
 
@@ -50,7 +50,7 @@ def chord_loads(
     """
     body, law, slope = resting(body, law, slope)
     base = _base_of(body, law, side)
-    sign = np.sign(numbers("chord_loads", "slip", slip, is_number, "a number"))
+    sign = np.sign(checked_array("chord_loads: slip", slip, IS_NUMBER))
     share = body.mass * slope.gravity * math.cos(slope.angle) / (base.uphill - base.downhill)
     ratio = np.where(sign == 0.0, -math.tan(slope.angle), -sign * law.friction)  # F / N
     return share * (base.uphill - ratio * base.height), share * (ratio * base.height - base.downhill)
@@ -88,7 +88,7 @@ def chord_tipping_friction(body: Body, law: ContactLaw, side: str = "chord", sli
     """
     body, law = made_body(body), made("law", ContactLaw, law)
     base = _base_of(body, law, side)
-    uphill = float(numbers("chord_tipping_friction", "slip", slip, is_number, "a number")) < 0.0
+    uphill = float(checked_array("chord_tipping_friction: slip", slip, IS_NUMBER)) < 0.0
     if not base.least <= 0.0 <= base.most:
         return 0.0
     return math.inf if base.height == 0.0 else (base.most if uphill else -base.least) / abs(base.height)
@@ -142,8 +142,8 @@ def chord_slide(law: ContactLaw, slope: Slope, speed: ArrayLike, time: ArrayLike
         If ``speed`` or ``time`` is not finite or ``time`` is negative, or gravity is 0.
     """
     law, slope = ContactLaw(*law), pressed(slope)
-    start = numbers("chord_slide", "speed", speed, np.isfinite, "finite")
-    after = numbers("chord_slide", "time", time, lambda v: (v >= 0.0) & (v < np.inf), "in [0, inf) s")
+    start = checked_array("chord_slide: speed", speed, FINITE)
+    after = checked_array("chord_slide: time", time, (NOT_NEGATIVE[0], "in [0, inf) s"))
     direction = np.where(start == 0.0, np.sign(slope.angle), np.sign(start))
     rate = _sliding_rate(law, slope, direction)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -171,7 +171,7 @@ def chord_finish_time(law: ContactLaw, slope: Slope, speed: float) -> float:
         If ``speed`` is not finite or gravity is 0.
     """
     law, slope = ContactLaw(*law), pressed(slope)
-    start = float(numbers("chord_finish_time", "speed", speed, np.isfinite, "finite"))
+    start = float(checked_array("chord_finish_time: speed", speed, FINITE))
     distance, turned, rate = slope.length, 0.0, float(_sliding_rate(law, slope, 1.0))
     if start <= 0.0:
         slowing = float(_sliding_rate(law, slope, -1.0))

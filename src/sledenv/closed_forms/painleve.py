@@ -7,10 +7,10 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.closed_forms.arguments import Floats, is_number, numbers
+from sledenv.closed_forms.arguments import IS_NUMBER, Floats
 from sledenv.closed_forms.features import Sector, arms_at, sectors
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import made
+from sledenv.simulation.rules import FINITE, checked_array, made
 from sledenv.simulation.scene import ContactLaw
 
 _GRID = 4001  # orientations from which the minima of the threshold are refined
@@ -43,9 +43,9 @@ def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin:
         If ``phi`` is not finite or a velocity is NaN.
     """
     body, law = made_body(body), made("law", ContactLaw, law)
-    angle = numbers("painleve", "phi", phi, np.isfinite, "finite")
-    s_t = np.sign(numbers("painleve", "slip", slip, is_number, "a number"))
-    s_w = np.sign(numbers("painleve", "spin", spin, is_number, "a number"))
+    angle = checked_array("painleve: phi", phi, FINITE)
+    s_t = np.sign(checked_array("painleve: slip", slip, IS_NUMBER))
+    s_w = np.sign(checked_array("painleve: spin", spin, IS_NUMBER))
     a, b, arm = arms_at(body, law, angle)
     return np.asarray(body.inertia / body.mass + a * a + a * (b * law.friction * s_t + arm * s_w))
 

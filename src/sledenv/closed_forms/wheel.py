@@ -29,12 +29,13 @@ As ``f_r < delta/r``, never both come back: once slip has, ``r f < delta`` stops
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+
+from sledenv.simulation.rules import CLOSED_FRACTION, FINITE, NOT_NEGATIVE, POSITIVE, checked_array
 
 FloatArray = npt.NDArray[np.float64]
 Values = float | FloatArray
@@ -98,36 +99,6 @@ class WheelImpact:
     def rule(self) -> Any:
         """Rule of existence that held, str or array of str, in the symbols of :mod:`sledenv.closed_forms.wheel`."""
         return _RULES[self.branch]
-
-
-def _checked(name: str, value: Any, accepts: Callable[[FloatArray], npt.NDArray[np.bool_]], allowed: str) -> FloatArray:
-    """Return ``value`` as an array of floats, or raise an error that names argument, value and allowed range."""
-    try:
-        array = np.asarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise TypeError(f"{name} = {value!r}: must be a number or an array of numbers {allowed}") from None
-    bad = ~(np.isfinite(array) & accepts(array))
-    if bad.any():
-        where = np.unravel_index(int(np.argmax(bad)), array.shape)
-        index = f"[{', '.join(map(str, where))}]" if array.ndim else ""
-        raise ValueError(f"{name}{index} = {float(array[where])!r}: must be {allowed}")
-    return array
-
-
-def _positive(name: str, value: Any) -> FloatArray:
-    return _checked(name, value, lambda array: array > 0.0, "in (0, inf)")
-
-
-def _not_negative(name: str, value: Any) -> FloatArray:
-    return _checked(name, value, lambda array: array >= 0.0, "in [0, inf)")
-
-
-def _fraction(name: str, value: Any) -> FloatArray:
-    return _checked(name, value, lambda array: (array >= 0.0) & (array <= 1.0), "in [0, 1]")
-
-
-def _finite(name: str, value: Any) -> FloatArray:
-    return _checked(name, value, np.isfinite, "a finite number")
 
 
 def _broadcast(**arrays: FloatArray) -> list[FloatArray]:
@@ -198,15 +169,15 @@ def collide_wheel(
     ('slide-roll', 1.85, -2.7)
     """
     m, inertia_, r, f, delta, e, u0, v0, w0 = _broadcast(
-        mass=_positive("mass", mass),
-        inertia=_positive("inertia", inertia),
-        radius=_positive("radius", radius),
-        friction=_not_negative("friction", friction),
-        rolling_arm=_not_negative("rolling_arm", rolling_arm),
-        restitution=_fraction("restitution", restitution),
-        u=_finite("u", u),
-        v=_finite("v", v),
-        omega=_finite("omega", omega),
+        mass=checked_array("mass", mass, POSITIVE),
+        inertia=checked_array("inertia", inertia, POSITIVE),
+        radius=checked_array("radius", radius, POSITIVE),
+        friction=checked_array("friction", friction, NOT_NEGATIVE),
+        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
+        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
+        u=checked_array("u", u, FINITE),
+        v=checked_array("v", v, FINITE),
+        omega=checked_array("omega", omega, FINITE),
     )
     with np.errstate(all="ignore"):  # of every input all branches are evaluated, and one is chosen
         fields = _solve(m, inertia_, r, f, delta, e, u0, v0, w0)
@@ -339,12 +310,12 @@ def is_stuck(
         Naming the argument, its value and the allowed range.
     """
     r, f, delta, e, u0, v0 = _broadcast(
-        radius=_positive("radius", radius),
-        friction=_not_negative("friction", friction),
-        rolling_arm=_not_negative("rolling_arm", rolling_arm),
-        restitution=_fraction("restitution", restitution),
-        u=_finite("u", u),
-        v=_finite("v", v),
+        radius=checked_array("radius", radius, POSITIVE),
+        friction=checked_array("friction", friction, NOT_NEGATIVE),
+        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
+        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
+        u=checked_array("u", u, FINITE),
+        v=checked_array("v", v, FINITE),
     )
     stuck = (v0 <= 0.0) & (np.abs(u0) <= (1.0 + e) * np.abs(v0) * np.minimum(f, delta / r))
     return bool(stuck) if stuck.ndim == 0 else stuck
@@ -379,9 +350,9 @@ def wheel_stuck_ratio(
         Naming the argument and the allowed range.
     """
     e, f, delta, r = _broadcast(
-        restitution=_fraction("restitution", restitution),
-        friction=_not_negative("friction", friction),
-        rolling_arm=_not_negative("rolling_arm", rolling_arm),
-        radius=_positive("radius", radius),
+        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
+        friction=checked_array("friction", friction, NOT_NEGATIVE),
+        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
+        radius=checked_array("radius", radius, POSITIVE),
     )
     return np.asarray((1.0 + e) * np.minimum(f, delta / r))

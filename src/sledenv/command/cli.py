@@ -5,7 +5,6 @@ What a sub-command needs is imported where it runs, so that help is quick and co
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 
 from sledenv.command import benchmark, identification, installation, reproduction, simulation, uncertainty
@@ -34,7 +33,3 @@ def main(arguments: Sequence[str] | None = None) -> int:
     See :func:`sledenv.command.running.run`.
     """
     return run(command, arguments)
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -76,7 +76,7 @@ def _versions() -> Iterator[str]:
 def _processor() -> Iterator[str]:
     """Name of the processor, and whether it has what the speed depends on, as far as the system says so."""
     try:
-        lines = Path("/proc/cpuinfo").read_text(errors="replace").splitlines()
+        lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:  # not Linux
         lines = []
     known = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}

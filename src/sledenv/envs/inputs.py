@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.scenarios.scenario import Context, Split, check_split
-from sledenv.simulation.rules import checked, checked_numbers, checked_rows, checked_table
+from sledenv.simulation.rules import checked, checked_rows, checked_table, numbers_of
 
 # (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -93,7 +93,7 @@ def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
             if name not in Context._fields:
                 raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
             i = Context._fields.index(name)
-            column = checked_numbers(f"context.{name}", value)
+            column = numbers_of(f"context.{name}", value, "a number, or an array of them")
             if column.shape not in ((), (lanes,)):
                 raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
             for number in column.reshape(-1).tolist():

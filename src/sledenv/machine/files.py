@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import errno
 import os
+import secrets
 import shutil
 import sys
 import tempfile
@@ -46,14 +47,18 @@ def replacing(file: str | os.PathLike[str], *suffixes: str) -> Iterator[Path]:
         raise OSError(f"{place} is a folder: name a file in it")
     if not place.parent.is_dir():
         raise OSError(f"{place} cannot be written: there is no folder {place.parent}")
-    scratch = place.with_name(f".{place.name}.{os.getpid()}")
+    scratch = place.with_name(f".{place.name}.{secrets.token_hex(6)}")
     try:
-        scratch.touch()  # one of a killed process that had this number may have stayed
+        scratch.touch(exist_ok=False)  # a link that somebody has left there is not followed
     except OSError as error:
         raise OSError(f"{place} cannot be written: {error.strerror}") from error
     try:
         yield scratch
         scratch.replace(place)
+    except OSError as error:
+        if error.filename is not None or error.errno is None:
+            raise
+        raise OSError(f"{place} was not written: {error.strerror}") from error  # Python names no file on a full disk
     finally:
         scratch.unlink(missing_ok=True)
 

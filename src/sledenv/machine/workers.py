@@ -37,7 +37,8 @@ def _through_joblib(workers: int) -> Runner:
     def run(calls: list[Call]) -> Iterator[Any]:
         # One thread in each process: more processes than cores would only wait for each other.
         alike = {"inner_max_num_threads": 1, "initializer": _end_with, "initargs": (os.getpid(),)}
-        with parallel_config(backend="loky", n_jobs=workers, **alike):
+        count = min(workers, max(len(calls), 2))  # of one alone joblib makes no process
+        with parallel_config(backend="loky", n_jobs=count, **alike):
             yield from Parallel(return_as="generator_unordered")(delayed(_call)(call, given) for call, given in calls)
 
     return run

@@ -52,10 +52,10 @@ class DiscBody(Section):
     """A full disc whose mass centre lies off its axis."""
 
     kind: Literal["disc"]
-    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, Quantity("(0, inf) m")]
-    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
-    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
+    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
+    radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")]
+    eccentricity_m: Annotated[float, Quantity("[0, 1e+50] m")]
+    inertia_kg_m2: Annotated[float, Quantity("[1e-250, 1e+150] kg m^2")]  # about the mass centre
 
     @field_validator("eccentricity_m")
     @classmethod
@@ -71,8 +71,6 @@ class DiscBody(Section):
         if {"mass_kg", "radius_m", "eccentricity_m"} <= info.data.keys():
             mass, radius, eccentricity = (info.data[key] for key in ("mass_kg", "radius_m", "eccentricity_m"))
             highest = mass * (radius - eccentricity) * (radius + eccentricity)
-            if not highest < math.inf:
-                raise ValueError("m r^2 must be a finite number of kg m^2")
             if inertia > highest * (1.0 + 1e-9):
                 raise ValueError(f"must be a number in (0, m (r^2 - h^2)] = (0, {highest:g}] kg m^2")
         return inertia
@@ -86,8 +84,8 @@ class SegmentBody(Section):
     """A uniform lamina bounded by an arc and its chord."""
 
     kind: Literal["segment"]
-    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, Quantity("(0, inf) m")]
+    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
+    radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")]
     half_angle_deg: Annotated[float, Quantity("(0, 180] deg")]  # of the arc
 
     def build(self) -> Body:
@@ -99,12 +97,12 @@ class SledBody(Section):
     """A skeleton sled with its rider, who lies on it head first; its parts are runner, frame, legs and rider."""
 
     kind: Literal["sled"]
-    rider_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 80.0
-    sled_mass_kg: Annotated[float, Quantity("(0, inf) kg")] = 40.0
-    rider_height_m: Annotated[float, Quantity("(0, inf) m")] = 1.75
-    length_m: Annotated[float, Quantity("(0, inf) m")] = 0.95
-    height_m: Annotated[float, Quantity("(0, inf) m")] = 0.1  # of the deck
-    bow_radius_m: Annotated[float, Quantity("(0, inf) m")] = 15.0  # of the runners
+    rider_mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")] = 80.0
+    sled_mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")] = 40.0
+    rider_height_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 1.75
+    length_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 0.95
+    height_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 0.1  # of the deck
+    bow_radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 15.0  # of the runners
     balance: Annotated[float, Quantity("(-1, 1)")] = 0.0  # of the rider in front of the middle, over half the length
 
     @model_validator(mode="after")
@@ -130,9 +128,9 @@ class PolygonBody(Section):
     """A uniform lamina in the shape of a convex polygon, with corners that may be rounded."""
 
     kind: Literal["polygon"]
-    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
-    points_m: Annotated[tuple[Pair, ...], Points("(-inf, inf) m", 3, MOST_ARCS)]  # corners in either direction of turn
-    rounding_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # radius of the corners
+    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
+    points_m: Annotated[tuple[Pair, ...], Points("[-1e+50, 1e+50] m", 3, MOST_ARCS)]  # in either direction of turn
+    rounding_m: Annotated[float, Quantity("[0, 1e+50] m")] = 0.0  # radius of the corners
 
     @model_validator(mode="after")
     def _is_convex(self) -> Self:
@@ -152,10 +150,10 @@ class CustomBody(Section):
     """Any segment of the simulator."""
 
     kind: Literal["custom"]
-    mass_kg: Annotated[float, Quantity("(0, inf) kg")]
-    radius_m: Annotated[float, Quantity("[0, inf) m")]
-    eccentricity_m: Annotated[float, Quantity("[0, inf) m")]
-    inertia_kg_m2: Annotated[float, Quantity("(0, inf) kg m^2")]  # about the mass centre
+    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
+    radius_m: Annotated[float, Quantity("[0, 1e+50] m")]
+    eccentricity_m: Annotated[float, Quantity("[0, 1e+50] m")]
+    inertia_kg_m2: Annotated[float, Quantity("[1e-250, 1e+150] kg m^2")]  # about the mass centre
     half_angle_deg: Annotated[float, Quantity("(0, 180] deg")] = 180.0
 
     @model_validator(mode="after")

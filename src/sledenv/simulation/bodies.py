@@ -18,7 +18,17 @@ from sledenv.simulation.outlines import (
     directions,
     outline_of,
 )
-from sledenv.simulation.rules import NOT_NEGATIVE, POSITIVE, Rule, checked, checked_rows, checked_table, is_frame
+from sledenv.simulation.rules import (
+    INERTIA,
+    MEASURE,
+    MEASURE_OR_0,
+    NOT_NEGATIVE,
+    Rule,
+    checked,
+    checked_rows,
+    checked_table,
+    is_frame,
+)
 
 HALF_ANGLE: Rule = (lambda v: (v > 0.0) & (v <= math.pi), "in (0, pi] rad")
 _ON_CHORD = 1e-15  # of the radius: a mass centre that is farther outside the chord is so by more than rounding
@@ -63,8 +73,8 @@ class Body:
 
     def __init__(self, mass: float, inertia: float, arcs: Sequence[Arc]) -> None:
         self._keep(
-            mass=checked("Body", "mass", mass, POSITIVE),
-            inertia=checked("Body", "inertia", inertia, POSITIVE),
+            mass=checked("Body", "mass", mass, MEASURE),
+            inertia=checked("Body", "inertia", inertia, INERTIA),
             _arcs=checked_arcs("Body", arcs),
         )
 
@@ -306,7 +316,7 @@ class Segment(Body):
     """
 
     fields: ClassVar[tuple[str, ...]] = ("mass", "radius", "eccentricity", "inertia", "half_angle")
-    rules: ClassVar[tuple[Rule, ...]] = (POSITIVE, NOT_NEGATIVE, NOT_NEGATIVE, POSITIVE, HALF_ANGLE)
+    rules: ClassVar[tuple[Rule, ...]] = (MEASURE, MEASURE_OR_0, NOT_NEGATIVE, INERTIA, HALF_ANGLE)
     _fields: ClassVar[tuple[str, ...]] = fields  # where rules.checked_rows looks for them
 
     radius: float

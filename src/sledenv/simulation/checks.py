@@ -13,7 +13,7 @@ from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
-from sledenv.simulation.lanes import Tables
+from sledenv.simulation.lanes import Tables, check_room
 from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
 from sledenv.simulation.scene import (
     ContactLaw,
@@ -106,6 +106,8 @@ def checked_lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, s
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range.
     """
+    if isinstance(launches, np.ndarray):  # one that is broadcast takes no room yet
+        check_room(launches.size * 8, f"launches: their {launches.size} numbers", "give fewer at a time")
     starts = checked_table("launches", launches, State._fields, State.rules)
     count = len(starts)
     rows = records_of(body, count), _rows_of_laws(law, count), _rows_of_slopes(slope, count)

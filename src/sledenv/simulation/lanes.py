@@ -8,10 +8,10 @@ import math
 import os
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ThreadPoolExecutor, wait
+from concurrent.futures import Future, wait
 from pathlib import Path
 from threading import Event
-from typing import Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +21,9 @@ from sledenv.kernel.entries import run_lanes
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation.rules import checked_count
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 ALL_HOPS = np.empty((0, 3))  # trims of descents that are followed to their ends
 NO_LOGS = np.zeros((0, 0), REBOUND)
@@ -60,7 +63,9 @@ def new_trajectory(rows: int, sample_interval: float) -> np.ndarray:
 def available() -> float:
     """Return how much memory [bytes] may be had without swapping; all there is, or inf, where the system is silent."""
     with contextlib.suppress(OSError, ValueError, IndexError):
-        return 1024.0 * float(Path("/proc/meminfo").read_text().partition("MemAvailable:")[2].split()[0])
+        return 1024.0 * float(
+            Path("/proc/meminfo").read_text(encoding="utf-8").partition("MemAvailable:")[2].split()[0]
+        )
     with contextlib.suppress(AttributeError, OSError, ValueError):
         return float(os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES"))
     return math.inf
@@ -163,11 +168,10 @@ def follow_all(
 
 def _share(work: Callable[[], None], threads: int, left: deque[Any], ended: Event) -> None:
     """Do some work in this thread and in others, until nothing is left; an error or an interrupt ends it for all."""
-    others = []
+    others: list[Future[None]] = []
     try:
-        if threads > 1:
-            pool = _pool(os.getpid(), threads - 1)
-            others = [pool.submit(work) for _ in range(threads - 1)]
+        with contextlib.suppress(RuntimeError):  # none is started as Python ends: this thread does all the work then
+            others.extend(_pool(os.getpid(), threads - 1).submit(work) for _ in range(threads - 1))
         work()
     except BaseException:
         ended.set()
@@ -182,4 +186,6 @@ def _share(work: Callable[[], None], threads: int, left: deque[Any], ended: Even
 @functools.cache
 def _pool(process: int, threads: int) -> ThreadPoolExecutor:
     """Threads of a process: one that has been forked has none of its parent's."""
+    from concurrent.futures import ThreadPoolExecutor  # which cannot be imported as Python ends
+
     return ThreadPoolExecutor(threads, f"sledenv-{threads}")

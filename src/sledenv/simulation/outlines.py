@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from sledenv.kernel import arithmetic
 from sledenv.kernel.entries import run_directions
 from sledenv.kernel.outline import MOST_ARCS
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, Rule, checked, checked_flag
+from sledenv.simulation.rules import FINITE, MEASURE_OR_0, NOT_NEGATIVE, Rule, checked, checked_flag
 
 Floats = NDArray[np.float64]
 
@@ -131,8 +131,9 @@ def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
 
 
 def _check_size(owner: str, arcs: tuple[Arc, ...], size: float) -> None:
-    if not math.isfinite(size):
-        raise ValueError(f"{owner}.arcs: the size {size!r} m must be a finite number")
+    accepts, allowed = MEASURE_OR_0
+    if not accepts(size):
+        raise ValueError(f"{owner}.arcs: the size {size!r} m must be {allowed} m")
     for k, arc in enumerate(arcs):
         if arc.radius > LARGEST_RADIUS * size:
             raise ValueError(

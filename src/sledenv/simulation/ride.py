@@ -18,7 +18,15 @@ from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, Tables, follow_all, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of, state_of
 from sledenv.simulation.records import FLIGHT_LOSSES, OUTCOME, REBOUND, STATUS_OF_CODE, TRAJECTORY, Status
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, checked, checked_choice, checked_table
+from sledenv.simulation.rules import (
+    FINITE,
+    NOT_NEGATIVE,
+    POSITIVE,
+    checked,
+    checked_array,
+    checked_choice,
+    checked_table,
+)
 from sledenv.simulation.scene import ContactLaw, Slope, State, laid
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import FIRST_TRAJECTORY, put_at_launch
@@ -333,12 +341,12 @@ class RideBatch(_Lanes):
 
         Raises
         ------
-        ValueError
-            For another shape, a trim that is not finite, or one without a rotor; no lane has moved then.
+        TypeError, ValueError
+            For another shape, a trim that is no finite number, or one without a rotor; no lane has moved then.
         """
-        spins = _numbers(trims)
-        if spins is None or spins.shape != self._flights.shape or not np.isfinite(spins).all():
-            raise ValueError(f"trims = {trims!r}: must be finite numbers of shape {self._flights.shape}")
+        spins = checked_array("trims", trims, FINITE)
+        if spins.shape != self._flights.shape:
+            raise ValueError(f"trims has shape {spins.shape}: must be {self._flights.shape}")
         if self.rotor_inertia is None and spins.any():
             raise ValueError("the rides have no rotor to trim with: give them a rotor_inertia")
         self._flights = self._followed(self._trims(spins, FLY))
@@ -415,12 +423,3 @@ class RideBatch(_Lanes):
         if len(set(numbers.tolist())) < count:
             raise ValueError(f"lanes = {lanes!r}: no two must be alike")
         return numbers.astype(np.intp)
-
-
-def _numbers(given: ArrayLike) -> np.ndarray | None:
-    """Return an array of floats, or None if it would not be one of real numbers."""
-    try:
-        array = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        return None
-    return array.astype(float) if array.dtype.kind in "biuf" else None

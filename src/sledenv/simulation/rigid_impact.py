@@ -13,7 +13,7 @@ from sledenv.kernel.entries import run_collision, run_collisions
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON
 from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import CLOSED_FRACTION, checked, made
+from sledenv.simulation.rules import CLOSED_FRACTION, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, State
 from sledenv.simulation.support import within_a_turn
 
@@ -134,9 +134,7 @@ def rigid_impact(
     ArithmeticError
         If the impact does not end within the bound on its phases.
     """
-    if hypothesis not in get_args(Hypothesis):
-        allowed = ", ".join(map(repr, get_args(Hypothesis)))
-        raise ValueError(f"hypothesis = {hypothesis!r}: must be one of {allowed}")
+    checked_choice("hypothesis", hypothesis, get_args(Hypothesis))
     body, law, state = made_body(body), made("law", ContactLaw, law), State(*made("state", State, state))
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hits = np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT)

@@ -21,6 +21,12 @@ STEEPNESS: Rule = (lambda v: abs(v) < math.pi / 2, "in (-pi/2, pi/2) rad")
 RESTITUTION: Rule = (lambda v: (v > 0.0) & (v <= 1.0), "in (0, 1]")
 CLOSED_FRACTION: Rule = (lambda v: (v >= 0.0) & (v <= 1.0), "in [0, 1]")
 POSITIVE: Rule = (lambda v: (v > 0.0) & (v < math.inf), "in (0, inf)")
+# Of bodies: masses [kg] and lengths [m], and what follows from them. Squares and energies of others are no numbers.
+_LEAST, _MOST = 1e-50, 1e50
+MEASURE: Rule = (lambda v: (v >= _LEAST) & (v <= _MOST), f"in [{_LEAST:g}, {_MOST:g}]")
+MEASURE_OR_0: Rule = (lambda v: (v == 0.0) | MEASURE[0](v), f"0 or {MEASURE[1]}")
+PLACE: Rule = (lambda v: abs(v) <= _MOST, f"in [-{_MOST:g}, {_MOST:g}]")
+INERTIA: Rule = (lambda v: (v >= 1e-250) & (v <= 1e150), "in [1e-250, 1e+150]")
 
 
 def or_absent(rule: Rule) -> Rule:
@@ -151,32 +157,68 @@ def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[
         Naming the column that is unknown, missing, there twice or without numbers; the shape; masked numbers; or the
         row and the field, its value and the allowed range.
     """
+    columns = f"columns {', '.join(fields)}"
     if _is_series(given):
         given = given.to_frame().T.infer_objects()
     if is_frame(given):
         table = _columns_by_name(name, given, fields)
     else:
-        table = np.array(checked_numbers(name, given, fields), ndmin=2, order="C")
+        table = np.array(numbers_of(name, given, f"numbers, {columns}", fields), ndmin=2, order="C")
     if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}){_named(fields)}")
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), {columns}")
     _check_columns(f"{name}[{{lane}}]", table, fields, rules)
     return table
 
 
-def checked_numbers(name: str, given: Any, fields: Sequence[str] = ()) -> np.ndarray:
-    """Return an array of floats, whatever its shape; TypeError for what is masked or holds no numbers."""
-    if isinstance(given, bool | np.bool_):
-        raise TypeError(f"{name} = {given!r}: must be a number or numbers{_named(fields)}")
-    if not _is_series(given):
-        _check_entries(name, given, fields)
+def checked_array(name: str, given: Any, rule: Rule) -> np.ndarray:
+    """Return a number, or an array of them of any shape, as floats.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the array or its entry, the value and what is allowed.
+    """
+    accepts, allowed = rule
+    numbers: np.ndarray = numbers_of(name, given, f"numbers, each {allowed}")
+    bad = ~accepts(numbers)
+    if bad.any():
+        where = np.unravel_index(int(np.argmax(bad)), numbers.shape)
+        index = f"[{', '.join(map(str, where))}]" if numbers.ndim else ""
+        raise ValueError(f"{name}{index} = {float(numbers[where])!r}: must be {allowed}")
+    return numbers
+
+
+def numbers_of(name: str, given: Any, wanted: str, fields: Sequence[str] = ()) -> np.ndarray:
+    """Return what a user gives as an array of floats, a new one.
+
+    Parameters
+    ----------
+    name : str
+        What messages call it.
+    given : array_like
+    wanted : str
+        What it must hold, for messages.
+    fields : sequence of str, optional
+        Names that tuples in it must have, if they have names.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming it and its value, or what it holds that is no number: words, True or False, what is masked, integers of
+        more than 64 bits.
+    """
+    if not isinstance(given, bool | np.bool_):
+        _check_entries(name, given, wanted, fields)
     try:
-        numbers = np.asarray(given)
-    except (ValueError, RuntimeError):  # rows of different lengths; a tensor that has a gradient
-        numbers = np.asarray(None)
-    if numbers.dtype.kind not in "iuf":
-        found = "True or False" if numbers.dtype.kind == "b" else numbers.dtype
-        raise TypeError(f"{name} holds {found}: must hold numbers{_named(fields)}")
-    return np.asarray(numbers, float)
+        array = np.asarray(given)
+    except (TypeError, ValueError, RuntimeError):  # rows of different lengths; a tensor that requires a gradient
+        array = np.asarray(None)
+    if array.dtype.kind not in "iuf":
+        if array.ndim == 0:
+            raise TypeError(f"{name} = {reprlib.repr(given)}: must be {wanted}")
+        found = "True or False" if array.dtype.kind == "b" else array.dtype
+        raise TypeError(f"{name} holds {found}: must hold {wanted}")
+    return np.array(array, dtype=float)
 
 
 def is_frame(given: Any) -> bool:
@@ -207,32 +249,27 @@ def _columns_by_name(name: str, given: Any, fields: Sequence[str]) -> np.ndarray
     for i, field in enumerate(fields):
         if field not in there:
             raise ValueError(f"{name} has no column {field!r}: must have the {columns}")
-        column = np.asarray(given[field])
-        if column.dtype.kind not in "iuf":
-            raise TypeError(f"{name}.{field} holds {column.dtype}: must hold numbers")
-        table[:, i] = column
+        table[:, i] = numbers_of(f"{name}.{field}", given[field], "numbers")
     return table
 
 
-def _named(fields: Sequence[str]) -> str:
-    return f", columns {', '.join(fields)}" if fields else ""
-
-
-def _check_entries(name: str, given: Any, fields: Sequence[str]) -> None:
+def _check_entries(name: str, given: Any, wanted: str, fields: Sequence[str]) -> None:
     """Refuse what NumPy would take for numbers in lists, or take by position though it has other names."""
     if isinstance(given, tuple | list):
         for one in given:
             if type(one) is not float:  # as nearly all are
-                _check_entries(name, one, fields)
+                _check_entries(name, one, wanted, fields)
         other = getattr(given, "_fields", ())
-        if other and tuple(other) != tuple(fields):
+        if fields and other and tuple(other) != tuple(fields):
             found = f"a {type(given).__name__} of {', '.join(other)}"
             raise TypeError(f"{name} holds {found}: must have {', '.join(fields)}")
     elif isinstance(given, bool | np.bool_):
-        raise TypeError(f"{name} holds True or False: must hold numbers{_named(fields)}")
+        raise TypeError(f"{name} holds True or False: must hold {wanted}")
+    elif isinstance(given, int) and not -(2**63) <= given < 2**64:
+        raise ValueError(f"{name} holds {reprlib.repr(given)}: must hold {wanted}; no integer of more than 64 bits")
     elif isinstance(given, np.ma.MaskedArray):
-        raise TypeError(f"{name} is a masked array, or holds one: must hold numbers, without a mask")
-    elif _is_series(given):
+        raise TypeError(f"{name} is a masked array, or holds one: must hold {wanted}, without a mask")
+    elif fields and _is_series(given):
         raise TypeError(f"{name} holds a {type(given).__name__}: must be one DataFrame, or hold numbers")
 
 
@@ -257,8 +294,8 @@ def checked_count(name: str, value: int) -> int:
     """Return a number of things, at least one, or raise TypeError or ValueError."""
     if isinstance(value, bool) or not isinstance(value, int | np.integer):
         raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
-    if value < 1:
-        raise ValueError(f"{name} = {value!r}: must be an integer >= 1")
+    if not 1 <= value < 2**63:
+        raise ValueError(f"{name} = {reprlib.repr(value)}: must be an integer {'>= 1' if value < 1 else 'below 2**63'}")
     return int(value)
 
 

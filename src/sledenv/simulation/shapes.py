@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.simulation.bodies import HALF_ANGLE, Body, Segment
+from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outlines import (
     Arc,
     Floats,
@@ -19,8 +19,9 @@ from sledenv.simulation.outlines import (
     segment_moments,
     shifted,
 )
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, POSITIVE, Rule, checked
+from sledenv.simulation.rules import INERTIA, MEASURE, MEASURE_OR_0, NOT_NEGATIVE, PLACE, Rule, checked, numbers_of
 
+_HALF_ANGLE: Rule = (lambda v: (v >= 1e-40) & (v <= math.pi), "in [1e-40, pi] rad")  # or the inertia is no number
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
 
 
@@ -34,16 +35,16 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
     radius : float
         Radius of the arc [m], > 0.
     half_angle : float
-        Half of the angle that the arc subtends [rad] in (0, pi].
+        Half of the angle that the arc subtends [rad] in [1e-40, pi].
 
     Returns
     -------
     Segment
         With the eccentricity and the inertia of the lamina.
     """
-    mass = checked("circular_segment", "mass", mass, POSITIVE)
-    radius = checked("circular_segment", "radius", radius, POSITIVE)
-    alpha = checked("circular_segment", "half_angle", half_angle, HALF_ANGLE)
+    mass = checked("circular_segment", "mass", mass, MEASURE)
+    radius = checked("circular_segment", "radius", radius, MEASURE)
+    alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
     if alpha < _THIN:
         _, height, inertia = (float(moment[0]) for moment in segment_moments(np.array([alpha])))
         return Segment(mass, radius, radius * min(math.cos(alpha) + height, 1.0), mass * radius**2 * inertia, alpha)
@@ -79,14 +80,14 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     """
-    mass, radius = checked("disc", "mass", mass, POSITIVE), checked("disc", "radius", radius, POSITIVE)
+    mass, radius = checked("disc", "mass", mass, MEASURE), checked("disc", "radius", radius, MEASURE)
     within: Rule = (lambda h: (h >= 0.0) & (h <= radius), f"in [0, radius] = [0, {radius!r}] m")
     eccentricity = checked("disc", "eccentricity", eccentricity, within)
     if inertia is None:
         if eccentricity > 0.0:
             raise ValueError("disc.inertia = None: must be given where the eccentricity is not 0")
         inertia = 0.5 * mass * radius**2
-    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, POSITIVE))
+    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, INERTIA))
 
 
 # Other outlines.
@@ -111,7 +112,7 @@ def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
     TypeError, ValueError
         As :class:`Body` does, or if the outline has no area.
     """
-    mass = checked("lamina", "mass", mass, POSITIVE)
+    mass = checked("lamina", "mass", mass, MEASURE)
     _, (x, y), inertia = mass_properties(arcs)
     return Body(mass, mass * inertia, shifted(arcs, -x, -y))
 
@@ -141,15 +142,15 @@ def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | Non
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     """
-    mass, length = checked("rod", "mass", mass, POSITIVE), checked("rod", "length", length, POSITIVE)
-    thickness = checked("rod", "thickness", thickness, NOT_NEGATIVE)
+    mass, length = checked("rod", "mass", mass, MEASURE), checked("rod", "length", length, MEASURE)
+    thickness = checked("rod", "thickness", thickness, MEASURE_OR_0)
     if not length > thickness:
         raise ValueError(f"rod.length = {length!r}: must be in (thickness, inf) = ({thickness!r}, inf) m")
     half, r = 0.5 * (length - thickness), 0.5 * thickness
     arcs = Arc(half, 0.0, r, -math.pi, "nose", "bottom"), Arc(-half, 0.0, r, 0.0, "tail", "top")
     if inertia is None:
         inertia = mass * (mass_properties(arcs)[2] if thickness > 0.0 else length**2 / 12.0)
-    return Body(mass, checked("rod", "inertia", inertia, POSITIVE), arcs)
+    return Body(mass, checked("rod", "inertia", inertia, INERTIA), arcs)
 
 
 def polygon(
@@ -191,7 +192,7 @@ def polygon(
         Naming the argument, its value and the allowed range; also if a corner is no corner, or if the polygon is not
         convex.
     """
-    mass = checked("polygon", "mass", mass, POSITIVE)
+    mass = checked("polygon", "mass", mass, MEASURE)
     corners = _table("polygon", "points", points, 2)
     rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
     parts = _names("polygon", "parts", parts, "corner", corners)
@@ -201,11 +202,11 @@ def polygon(
     arcs = polygon_of(corners, rounding, parts, sides)
     _, middle, uniform = mass_properties(arcs)
     if centre is not None:
-        ((x, y),) = _table("polygon", "centre", np.asarray(centre)[np.newaxis], 2).tolist()
+        ((x, y),) = _table("polygon", "centre", [centre], 2).tolist()
         middle = x, y
     if inertia is None:
         inertia = mass * uniform
-    return Body(mass, checked("polygon", "inertia", inertia, POSITIVE), shifted(arcs, -middle[0], -middle[1]))
+    return Body(mass, checked("polygon", "inertia", inertia, INERTIA), shifted(arcs, -middle[0], -middle[1]))
 
 
 def hull(
@@ -238,26 +239,21 @@ def hull(
     """
     table = _table("hull", "circles", circles, 3)
     for k, radius in enumerate(table[:, 2].tolist()):
-        checked(f"hull.circles[{k}]", "radius", radius, NOT_NEGATIVE)
+        checked(f"hull.circles[{k}]", "radius", radius, MEASURE_OR_0)
     parts = _names("hull", "parts", parts, "circle", table)
     sides = ["side"] * len(table) if sides is None else _names("hull", "sides", sides, "side", table)
     return Body(mass, inertia, hull_of_circles(table, parts, sides))
 
 
-def _table(owner: str, name: str, given: ArrayLike, columns: int) -> Floats:
-    """Return a table of finite numbers, shape (N, columns), N > 0."""
-    try:
-        table = np.asarray(given)
-    except ValueError:  # rows of different lengths
-        table = np.asarray(given, dtype=object)
-    if table.dtype.kind not in "biuf":
-        raise TypeError(f"{owner}.{name} = {given!r}: must hold numbers")
+def _table(owner: str, name: str, given: Any, columns: int) -> Floats:
+    """Return a table of lengths [m], shape (N, columns), N > 0."""
+    table: Floats = numbers_of(f"{owner}.{name}", given, "numbers")
     if table.ndim != 2 or table.shape[1] != columns or not len(table):
         raise ValueError(f"{owner}.{name} has shape {table.shape}: must be (N, {columns})")
     for k, row in enumerate(table.tolist()):
         for value in row:
-            checked(owner, f"{name}[{k}]", value, FINITE)
-    return table.astype(float)
+            checked(owner, f"{name}[{k}]", value, PLACE)
+    return table
 
 
 def _names(owner: str, name: str, given: Sequence[str] | None, default: str, table: NDArray[Any]) -> list[str]:

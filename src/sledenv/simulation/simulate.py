@@ -19,6 +19,7 @@ from sledenv.simulation.lanes import (
     NO_ROWS,
     Tables,
     blank,
+    check_room,
     follow_all,
     new_log,
     new_logs,
@@ -180,13 +181,15 @@ def simulate_batch(
     TypeError, ValueError
         Naming the argument or the lane, the value and the allowed range; nothing is simulated then.
     MemoryError
-        If there is no room for the logs; nothing is simulated then.
+        If there is no room for the launches, the outcomes or the logs; nothing is simulated then.
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
     lanes = _lanes(body, law, slope, launches, changed(settings, **fields))
     count = len(lanes.tables.launches)
     rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
+    size = OUTCOME.itemsize + 8 * len(DescentJam._fields)
+    check_room(count * size, f"launches: the outcomes of {count}", "take them block by block, see simulate_blocks")
     outcomes = np.zeros(count, OUTCOME)
     jam = np.empty((len(DescentJam._fields), count))
     with _bar(count) if checked_flag("progress", progress) else nullcontext() as bar:

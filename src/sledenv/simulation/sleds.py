@@ -8,7 +8,7 @@ import numpy as np
 
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outlines import Arc, bulged, hull_of_circles, shifted
-from sledenv.simulation.rules import POSITIVE, Rule, checked
+from sledenv.simulation.rules import MEASURE, Rule, checked
 
 RUNNER, FRAME, LEGS, RIDER = "runner", "frame", "legs", "rider"  # parts of a sled
 _CAP = 0.03  # [m] radius of the round ends of the runners, assumed
@@ -88,12 +88,12 @@ def sled(
         "height": height,
         "bow_radius": bow_radius,
     }
-    given = {name: checked(owner, name, value, POSITIVE) for name, value in given.items()}
+    given = {name: checked(owner, name, value, MEASURE) for name, value in given.items()}
     balance = checked(owner, "balance", balance, _BALANCE)
     half, deck = 0.5 * given["length"], given["height"]
     for name, value, least in (("length", length, 4.0 * _CAP), ("height", height, _CAP)):
         if not value > least:
-            raise ValueError(f"{owner}.{name} = {value!r}: must be in ({least:g}, inf) m")
+            raise ValueError(f"{owner}.{name} = {value!r}: must be in ({least:g}, 1e+50] m")
     limbs = _laid(given["rider_height"], deck, balance * half)
     corners = [(x, y) for x in (_CAP - half, half - _CAP) for y in (_CAP, deck)]
     circles = [(x, y, _CAP, RUNNER if y == _CAP else FRAME) for x, y in corners]

@@ -17,6 +17,7 @@ from tqdm import tqdm
 from sledenv.machine.files import check_free, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, Runner, runner
+from sledenv.simulation.lanes import check_room
 from sledenv.simulation.records import LOSSES, STATUS_OF_CODE
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
@@ -27,6 +28,7 @@ from sledenv.uncertainty.model import Study, StudyError, load_study
 from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.result import StudyResult, read_launches
 
+_NUMBER: Final = 40  # bytes that each number of the draws takes while they are made
 BLOCK: Final = 4096  # launches in a file, at most
 _DPI: Final = 150
 _LAUNCHES: Final = "launches"
@@ -115,8 +117,9 @@ def draws(one: Study) -> NDArray[np.float64]:
     A group are a point of Sobol's scrambled sequence, another, and the first with each of its entries taken from the
     other. More launches are the same ones and others after them.
     """
-    count = len(one.parameters)
-    groups = launches_of(one) // (count + 2)
+    count, launches = len(one.parameters), launches_of(one)
+    check_room(launches * count * _NUMBER, f"launches = {launches}: their draws", "take fewer")
+    groups = launches // (count + 2)
     problem = {"num_vars": count, "names": list(one.parameters), "bounds": [[0.0, 1.0]] * count}
     sample = sobol.sample(problem, groups, calc_second_order=False, seed=one.seed)
     return np.asarray(sample + EDGE, dtype=np.float64)  # neither 0 nor 1
