@@ -365,7 +365,7 @@ def kept_weights(path: Path) -> dict[str, torch.Tensor]:
         tried.
     """
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
     except (OSError, EOFError, ValueError, BadZipFile) as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
