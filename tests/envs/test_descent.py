@@ -362,6 +362,9 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
     ):
         with pytest.raises(error, match=message):
             env.reset(seed=1, options=options)
+    for action in ([2.0], [np.nan], [0.0, 0.0], [[0.0]], 0.0, "left"):
+        with pytest.raises(InvalidAction, match="action"):
+            env.step(action)
     rng, same = np.random.default_rng(0), np.random.default_rng(0)
     assert equal(play(env, rng), play(twin, same))
     with pytest.raises(ResetNeeded):
