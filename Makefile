@@ -9,7 +9,8 @@ BENCH_STAMP = $(VENV)/.installed-bench
 DOCS_STAMP = $(VENV)/.installed-docs
 
 # The planes: critics of launches learn no rides.
-LEARNED = sled_snow sled_mat
+LAUNCHES = sled_snow sled_mat
+RIDES = sled_rollers sled_kickers sled_terraces sled_unsteady
 
 TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
@@ -59,8 +60,10 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
 	@echo "Open site/index.html"
 
-agents: $(STAMP) ## train the agents of agents/trained anew: some minutes on two cores
-	for name in $(LEARNED); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
+agents: $(STAMP) ## train the agents of agents/trained anew: two hours of two cores, most of them for rides
+	for name in $(LAUNCHES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
+		--runs agents/trained --overwrite || exit; done
+	for name in $(RIDES); do $(BIN)/python -m sledenv.agents.train --algo ride_critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
 
 # Two processes share two cores: more threads in each, of torch and BLAS, would wait for one another.

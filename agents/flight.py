@@ -23,7 +23,7 @@ _PLACES: Final = np.array(  # [m] from the landing, at which a critic is told th
 _TILT: Final = 0.1  # [rad] at which a body touches with an end
 _TURNS: Final = (2, 4, 6, 8, 12, 16)  # harmonics of the pose at the landing
 _CONTEXT: Final = 4  # of the context: angle, friction, restitution and speed
-_MOST: Final = 10.0  # of an input
+MOST: Final = 10.0  # of an input
 
 
 class Ground(NamedTuple):
@@ -56,11 +56,6 @@ class Landings(NamedTuple):
     pose: Floats  # [rad] of the body, if its rider lends no spin, (n,)
     spin: Floats  # [rad/s], likewise, (n,)
     body: NDArray[np.intp]  # which of the bodies it is, (n,)
-
-    def rows(self, some: slice) -> Landings:
-        """Return some of the landings."""
-        parts = [Ground(*(each[some] for each in part)) if isinstance(part, Ground) else part[some] for part in self]
-        return Landings(*parts)
 
 
 class Flights:
@@ -143,38 +138,33 @@ class Flights:
             *(2.0 * (heights[:, 1:] - heights[:, :1])).T,
             *(3.0 * np.arctan(slopes[:, 1:])).T,
         ]
-        inputs = np.clip(np.stack(columns, axis=1, dtype=np.float32), -_MOST, _MOST)
+        inputs = np.clip(np.stack(columns, axis=1, dtype=np.float32), -MOST, MOST)
         return Landings(inputs, ground, time, x, y, pitch, pose, spin, body)
 
     def trimmed(self, landings: Landings, trims: Floats) -> Floats:
         """Return what a network sees of trims in [-1, 1] of shape (n, m), shape (n, m, trim_width)."""
-        ground, time, x, y, pitch, pose, spin = (
-            part[:, np.newaxis] if isinstance(part, np.ndarray) else part for part in landings[1:-1]
+        columns: list[NDArray[np.floating]]
+        of = landings
+        time, x, y, pitch, pose, spin = (
+            part[:, np.newaxis] for part in (of.time, of.x, of.y, of.pitch, of.pose, of.spin)
         )
         lent = np.float32(self._most) * trims
         angle = pose + lent * time
         columns = [angle - pitch, 0.5 * (spin + lent), trims, angle]
         columns += [part(turns * (angle - pitch)) for turns in _TURNS for part in (np.sin, np.cos)]
         cosine, sine = np.cos(angle), np.sin(angle)
-        for ahead, up in self._ends[landings.body].transpose(1, 2, 0)[..., np.newaxis]:
-            heights, slopes = ground.at(x + ahead * cosine - up * sine)
-            slopes = np.arctan(slopes)
-            columns += [
-                4.0 * (y + ahead * sine + up * cosine - heights),
-                3.0 * (slopes - pitch),
-                3.0 * (slopes - angle),
-            ]
+        for ahead, up in self._ends[of.body].transpose(1, 2, 0)[..., np.newaxis]:
+            heights, slopes = of.ground.at(x + ahead * cosine - up * sine)
+            below, clear = np.arctan(slopes), y + ahead * sine + up * cosine - heights
+            columns += [4.0 * clear, 3.0 * (below - pitch), 3.0 * (below - angle)]
         return np.stack(columns, axis=-1, dtype=np.float32)
 
     def _ground(self, observations: Floats) -> Ground:
         """Return the ground that is seen around places."""
         around = observations[:, SEEN + len(FLIGHT) :].reshape(len(observations), -1, len(VERTEX))
-        x, y, there = (
-            around[..., 0] * np.float32(self._reach),
-            around[..., 1] * np.float32(self._relief),
-            around[..., 2],
-        )
-        pieces = (there[:, 1:] > 0.5) & (there[:, :-1] > 0.5)
+        x, y = around[..., 0] * np.float32(self._reach), around[..., 1] * np.float32(self._relief)
+        there = around[..., 2] > 0.5
+        pieces = there[:, 1:] & there[:, :-1]
         lengths = np.where(pieces, np.diff(x, axis=1), 1.0)
         rise = np.where(pieces, np.diff(y, axis=1), 0.0) / np.maximum(lengths, 1e-4)
         first = there.argmax(axis=1)[:, np.newaxis] if around.shape[1] else np.zeros((len(x), 0), int)
@@ -183,15 +173,10 @@ class Flights:
 
 
 def _ends(body: Body) -> list[tuple[float, float]]:
-    """Return the points [m] with which a body touches a plane nose-down and nose-up, ahead of the mass centre and up."""
+    """Return the points with which a body touches a plane when tilted either way, [m] ahead and up in its axes."""
     ends = []
     for tilt in (_TILT, -_TILT):
         low, height, high = support_heights(body, np.array([tilt - 1e-4, tilt, tilt + 1e-4])).tolist()
-        beside = (low - high) / 2e-4
-        ends.append(
-            (
-                beside * np.cos(tilt) - height * np.sin(tilt),
-                -beside * np.sin(tilt) - height * np.cos(tilt),
-            )
-        )
+        beside, cosine, sine = (low - high) / 2e-4, np.cos(tilt), np.sin(tilt)
+        ends.append((beside * cosine - height * sine, -beside * sine - height * cosine))
     return ends

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Self
 
 import numpy as np
+from gymnasium import spaces
 from numpy.typing import NDArray
 
 from sledenv.benchmark.landing import Landing
@@ -18,6 +19,7 @@ from sledenv.machine.extras import needs
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 
 from .curve import Curve
+from .flight import MOST, Flights
 
 with needs("agents", __name__):
     import torch
@@ -126,6 +128,31 @@ class Landed(VecEnvWrapper):
         return observations, rewards, dones, infos
 
 
+class Foreseen(VecEnvWrapper):
+    """Rides whose observations are what closed forms foresee of the landings.
+
+    Parameters
+    ----------
+    venv : VecEnv
+    flights : Flights
+    """
+
+    def __init__(self, venv: VecEnv, flights: Flights) -> None:
+        super().__init__(venv, spaces.Box(-MOST, MOST, (flights.width,), np.float32))
+        self._flights = flights
+
+    def reset(self) -> VecEnvObs:
+        return self._flights.land(np.asarray(self.venv.reset())).inputs
+
+    def step_wait(self) -> VecEnvStepReturn:
+        observations, rewards, dones, infos = self.venv.step_wait()
+        for i in np.flatnonzero(dones).tolist():
+            infos[i]["terminal_observation"] = self._flights.land(infos[i]["terminal_observation"][np.newaxis]).inputs[
+                0
+            ]
+        return self._flights.land(np.asarray(observations)).inputs, rewards, dones, infos
+
+
 def random_rewards(problem: Problem, seed: int) -> NDArray[np.float64]:
     """Return the rewards of random launches in as many training contexts, each with one draw of the noise."""
     contexts = problem.drawn(problem.contexts("train", _SCALE_CONTEXTS, seed), "train")
@@ -145,14 +172,16 @@ class Learned:
     """A trained policy, acting without exploration noise.
 
     Where an episode has one step, it tells a launch by its landing, see :class:`sledenv.benchmark.landing.Landing`,
-    unless its settings say ``landings: false``.
+    unless its settings say ``landings: false``. On a ride it sees the landings that
+    :class:`sledenv.agents.flight.Flights` foresees.
     """
 
     algorithm: ClassVar[type[BaseAlgorithm]]
 
-    def __init__(self, model: Any, landing: Landing | None) -> None:
+    def __init__(self, model: Any, landing: Landing | None, flights: Flights | None) -> None:
         self.model = model
         self._landing = landing
+        self._flights = flights
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -175,7 +204,7 @@ class Learned:
         checks = settings.pop("checks", 20)
         landings = bool(settings.pop("landings", True)) and problem.environment == "launch"
         write_yaml(folder / _LANDINGS, {"landings": landings})
-        landing = Landing(problem) if landings else None
+        landing, flights = Landing(problem) if landings else None, _flights(problem)
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
         chosen = {"control": problem.control} if problem.environment == "launch" else {}
@@ -191,11 +220,13 @@ class Learned:
             env = Standardised(env, random_rewards(problem, seed))
         if landing is not None:
             env = Landed(env, landing)
+        if flights is not None:
+            env = Foreseen(env, flights)
         model = cls.algorithm(env=env, seed=seed, tensorboard_log=str(folder / "tensorboard"), **settings)
         with warnings.catch_warnings():
             # rich marks its use by tqdm as experimental; the bar is what the user asked for.
             warnings.filterwarnings("ignore", message=".*rich is experimental.*")
-            validation = _Validation(lambda learned: cls(learned, landing), problem, folder, steps // checks)
+            validation = _Validation(lambda learned: cls(learned, landing, flights), problem, folder, steps // checks)
             model.learn(steps, callback=validation, progress_bar=sys.stderr.isatty())
         env.close()
         return cls.load(problem, folder)
@@ -218,9 +249,15 @@ class Learned:
     @classmethod
     def _read(cls, problem: Problem, folder: Path, name: str) -> Self:
         landings = read_yaml(folder / _LANDINGS)["landings"]
-        return cls(cls.algorithm.load(folder / name, device="cpu"), Landing(problem) if landings else None)
+        model = cls.algorithm.load(folder / name, device="cpu")
+        return cls(model, Landing(problem) if landings else None, _flights(problem))
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        chosen, _ = self.model.predict(observations, deterministic=True)
+        seen = observations if self._flights is None else self._flights.land(observations).inputs
+        chosen, _ = self.model.predict(seen, deterministic=True)
         actions = np.asarray(chosen, np.float32)
         return actions if self._landing is None else self._landing.actions(observations, actions)
+
+
+def _flights(problem: Problem) -> Flights | None:
+    return Flights(problem) if problem.environment == "descent" else None

@@ -18,7 +18,6 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.vector import SledDescentVector
 from sledenv.machine.extras import needs
 
-from .critic import keep, kept_weights
 from .curve import Curve
 from .flight import Flights, Landings
 
@@ -103,9 +102,9 @@ class Samples(NamedTuple):
 class Rides:
     """Goes on riding in many lanes, mostly with the trims that a critic rates best.
 
-    Some trims are drawn from anywhere and some near the best: what is tried only by chance must be learned, too. What a
-    trim earned is known if all that follow are the best ones; else it is the reward up to the next trial, and from there
-    on what the critic expects of the best.
+    Some are drawn from anywhere and some near the best, or nothing would be learned of others. What a trim earned is
+    known if all that follow are the best ones; else it is the reward up to the next trial, and from there on what the
+    critic expects of the best.
 
     Parameters
     ----------
@@ -115,18 +114,13 @@ class Rides:
     """
 
     def __init__(self, problem: Problem, settings: dict[str, Any], seed: int) -> None:
+        self.descents = 0  # that have ended
         self._lanes, self._flights_a_turn = settings["n_lanes"], settings["n_steps"]
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
         self._flights = Flights(problem)
-        self._env = SledDescentVector(
-            self._lanes,
-            problem.scenario,
-            AutoresetMode.SAME_STEP,
-            info=(),
-            split="train",
-            observe=problem.task.observed,
-        )
+        same, observed = AutoresetMode.SAME_STEP, problem.task.observed
+        self._env = SledDescentVector(self._lanes, problem.scenario, same, info=(), split="train", observe=observed)
         # No two seeds share a lane's stream of contexts.
         self._seen, _ = self._env.reset(seed=seed * self._lanes)
 
@@ -143,6 +137,7 @@ class Rides:
                 break
             told.append((landings.inputs, self._flights.trimmed(landings, trims)))
             self._seen, rewards[step], ended[step], _, _ = self._env.step(trims)
+        self.descents += int(ended.sum())
         earned, after = np.zeros_like(rewards), expected[-1]
         for step in reversed(range(steps)):
             earned[step] = rewards[step] + np.where(ended[step], 0.0, after)
@@ -168,11 +163,7 @@ class Rides:
 def searched(critic: Critic, flights: Flights, landings: Landings, count: int) -> tuple[Floats, Floats]:
     """Return the trims that a critic rates best of evenly spaced ones, and what it expects of them, shapes (n,)."""
     trims = np.linspace(-1.0, 1.0, count, dtype=np.float32)
-    parts = [
-        critic.rate(flights, landings.rows(slice(start, start + _BLOCK)), trims)
-        for start in range(0, len(landings.time), _BLOCK)
-    ]
-    ratings = np.concatenate(parts)
+    ratings = critic.rate(flights, landings, trims)
     return trims[ratings.argmax(axis=1)], ratings.max(axis=1)
 
 
@@ -214,7 +205,7 @@ class Agent:
                 learner.add(coming.result())
                 known = copy.deepcopy(learner.averaged)
                 if turn % max(1, turns // settings["checks"]) == 0 or turn == turns - 1:  # while nobody else rides
-                    check = curve.check(cls(problem, known), learner.seen)
+                    check = curve.check(cls(problem, known), rides.descents)
                     if check.mean_reward > most:
                         best, most = known, check.mean_reward
                     if sys.stderr.isatty():
@@ -222,13 +213,24 @@ class Agent:
                 if turn + 1 < turns:
                     coming = pool.submit(rides.sample, known if turn else None)
                     learner.learn()
-        keep(best, folder / _FILE)
+        arrays = {name: value.numpy().astype(np.float16) for name, value in best.state_dict().items()}
+        np.savez_compressed(folder / _FILE, **arrays)
         return cls.load(problem, folder)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the critic of a run; raises as :func:`sledenv.agents.critic.kept_weights`."""
-        state = kept_weights(folder / _FILE)
+        """Read the critic of a run.
+
+        Raises
+        ------
+        ValueError
+            If a weight is no finite number: whatever is rated by it would be the first that is tried.
+        """
+        with np.load(folder / _FILE, allow_pickle=False) as arrays:
+            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+        wrong = [name for name, value in state.items() if not value.isfinite().all()]
+        if wrong:
+            raise ValueError(f"{folder / _FILE}: {wrong[0]} has weights that are no finite numbers")
         *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
         critic = Critic(state["flight.weight"].shape[1], state["trim.weight"].shape[1], layers, bins)
         critic.load_state_dict(state)
@@ -236,21 +238,13 @@ class Agent:
 
     def act(self, observations: Floats) -> Floats:
         """Return trims of shape (n, 1)."""
-        trims, _ = searched(self._critic, self._flights, self._flights.land(observations), _ACTING)
-        return trims[:, np.newaxis]
+        parts = np.array_split(observations, math.ceil(len(observations) / _BLOCK))
+        trims = [searched(self._critic, self._flights, self._flights.land(part), _ACTING)[0] for part in parts]
+        return np.concatenate(trims)[:, np.newaxis]
 
 
 class _Learner:
-    """Fits a critic to the last flights.
-
-    Parameters
-    ----------
-    critic : Critic
-    settings : dict
-    turns : int
-        How many samples will have been added in the end.
-    seed : int
-    """
+    """Fits a critic to the last flights; ``turns`` is how many samples will have been added in the end."""
 
     def __init__(self, critic: Critic, settings: dict[str, Any], turns: int, seed: int) -> None:
         self.seen = 0  # flights
@@ -267,7 +261,7 @@ class _Learner:
             critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
         )
         self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, (turns - 1) * self._steps)
-        self._average = AveragedModel(critic, multi_avg_fn=_averaged)  # type: ignore[no-untyped-call]
+        self._average = AveragedModel(critic, multi_avg_fn=_averaged)
 
     @property
     def averaged(self) -> Critic:

@@ -21,5 +21,5 @@ class Agent(Learned):
 
     @classmethod
     def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
-        """Take the policy that searches where an episode has one step."""
-        return searching(SearchingSAC, problem, settings) if problem.environment == "launch" else settings
+        """Take the policy that searches."""
+        return searching(SearchingSAC, problem, settings)

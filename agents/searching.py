@@ -35,7 +35,7 @@ def searching(policy: type[_Searching], problem: Problem, settings: dict[str, An
     settings : dict
         As for :meth:`sledenv.agents.learning.Learned.train`.
     """
-    touch = Touch(problem) if settings.get("landings", True) else None
+    touch = Touch(problem) if problem.environment == "launch" and settings.get("landings", True) else None
     return settings | {"policy": policy, "policy_kwargs": settings.get("policy_kwargs", {}) | {"touch": touch}}
 
 
@@ -65,8 +65,8 @@ class _Searching(BasePolicy):
 
     An actor climbs its critic from where it stands, but the reward of a landing has many maxima with cliffs between
     them. Where an episode has one step the critic is a regression of the reward over the whole box, so that its best
-    landing can be looked up. The candidates are quasi-random and always the same: a policy that acts deterministically
-    stays a function of what it sees.
+    landing can be looked up; of a ride so can the best trim. The candidates are quasi-random and always the same: a
+    policy that acts deterministically stays a function of what it sees.
     """
 
     critic: Any

@@ -133,8 +133,8 @@ def show_play(app: Any, name: str, source: list[str]) -> None:
 def write_play(app: Any, error: Exception | None) -> None:
     """Write the page that simulates beside the start page."""
     if error is None and app.builder.format == "html":
-        scenario = sledenv.load_scenario("sled_snow")
-        page = play_page(scenario, [Played("seed 3", scenario.sample(np.random.default_rng(3)))])
+        scenario = sledenv.load_scenario("sled_rollers")
+        page = play_page(scenario, [Played("seed 1", scenario.sample(np.random.default_rng(1)))])
         (Path(app.outdir) / "docs" / "play.html").write_text(page, encoding="utf-8")
 
 

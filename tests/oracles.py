@@ -559,26 +559,6 @@ def reference_descent() -> tuple[OracleBody, OracleState]:
 # `body` is anything with mass, radius, eccentricity, inertia and half_angle, in floats.
 
 
-def segment_by_strips(radius: float, half_angle: float) -> tuple[float, float]:
-    """Mass centre below the arc centre [m] and J_O/m [m^2] of a circular segment, summed over strips.
-
-    The strip at depth s = r cos(t) below the arc centre reaches from -w to w = r sin(t); 60 Gauss points in t.
-    """
-    nodes, weights = np.polynomial.legendre.leggauss(60)
-    t = 0.5 * half_angle * (nodes + 1.0)
-    depth, half_width = radius * np.cos(t), radius * np.sin(t)
-    area = 2.0 * half_width * (0.5 * half_angle * weights * radius * np.sin(t))
-    about_centre = depth**2 + half_width**2 / 3.0
-    return float(area @ depth / area.sum()), float(area @ about_centre / area.sum())
-
-
-def outline_heights(body, phi: float, points: int) -> np.ndarray:
-    """Heights [m] of points on the arc, its ends included, above the mass centre of a body turned by phi."""
-    angle = np.linspace(-body.half_angle, body.half_angle, points)
-    across, above = body.radius * np.sin(angle), body.eccentricity - body.radius * np.cos(angle)
-    return across * math.sin(phi) + above * math.cos(phi)
-
-
 def support(body, phi: np.ndarray) -> np.ndarray:
     """Height [m] of the mass centre when the lowest of arc and corners touches, from where those points are."""
     wrapped = np.arctan2(np.sin(phi), np.cos(phi))
@@ -615,54 +595,6 @@ def scanned_touchdown(
         else:
             low = middle
     return float(high), float(gaps[:first].min(initial=math.inf))
-
-
-def box_rule(
-    w: np.ndarray, rates: np.ndarray, bounds: tuple[float, float], pinned: tuple[float | None, float | None]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Forces z = (F, M) that minimise z'Wz/2 + rates'z in a box, and the rates W z + rates that they leave.
-
-    One force after the other is set to its best value in the box, until nothing moves. A pinned force keeps its value.
-    """
-    z = np.array([0.0 if value is None else value for value in pinned])
-    for _ in range(100_000):
-        before = z.copy()
-        for i in (0, 1):
-            if pinned[i] is None:
-                other = 1 - i
-                z[i] = np.clip(-(rates[i] + w[i, other] * z[other]) / w[i, i], -bounds[i], bounds[i])
-        if np.array_equal(z, before):
-            break
-    return z, w @ z + rates
-
-
-class WheelTable(NamedTuple):
-    """Row of the corrected Table 1 (physics.md, section 3) and what it leaves of the velocities."""
-
-    row: int
-    u: float
-    omega: float
-
-
-def wheel_table(
-    mass: float, inertia: float, radius: float, friction: float, arm: float, restitution: float, u: float, v: float
-) -> list[WheelTable]:
-    """Every row of the corrected Table 1 that exists for a wheel without spin, u > 0; P = m |v| (1 + R)."""
-    p = mass * abs(v) * (1.0 + restitution)
-    rolling_inertia = inertia + mass * radius**2
-    rows = []
-    sliding = WheelTable(1, u - friction * p / mass, -(friction * radius - arm) * p / inertia)
-    if friction * radius >= arm and sliding.u + radius * sliding.omega >= 0.0:
-        rows.append(sliding)
-    rolling_u = (mass * radius**2 * u - radius * arm * p) / rolling_inertia
-    needed = mass * (inertia * u + radius * arm * p) / rolling_inertia
-    if mass * radius * u >= arm * p and needed <= friction * p:
-        rows.append(WheelTable(2, rolling_u, -rolling_u / radius))
-    if friction * radius <= arm and u - friction * p / mass >= 0.0:
-        rows.append(WheelTable(3, u - friction * p / mass, 0.0))
-    if mass * u <= friction * p and mass * radius * u <= arm * p:
-        rows.append(WheelTable(4, 0.0, 0.0))
-    return rows
 
 
 # --- the impact in the stiff limit -----------------------------------------------------------------------------------

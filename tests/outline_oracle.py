@@ -30,8 +30,8 @@ points in different zones slide, friction depends on how they share the normal f
 little of the moment as possible is left to rolling resistance. Every combination of signs that the velocities permit is
 tried out for a short time, and the one that obeys all laws is followed to its first event.
 
-Rigid surfaces. An impact of one point is followed in normal impulse, phase by phase. Contacts that last, and two points
-at once, are not: `Unsupported`.
+Rigid surfaces. An impact of one point is that of tests/oracles.py, in exact fractions. Contacts that last, and two
+points at once, are not followed: `Unsupported`.
 """
 
 from __future__ import annotations
@@ -44,6 +44,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy.integrate import DOP853, solve_ivp
 from scipy.optimize import brentq, minimize_scalar
+
+from tests.oracles import rational_impact
 
 TURN = 2.0 * math.pi
 RTOL = 1e-13
@@ -503,58 +505,35 @@ class Surface:
         return self._held(branch, at) if branch.spin == 0 else self._spinning(branch, at)
 
     def _spinning(self, branch: Branch, at: Place) -> Forces:
-        """Of a body free to spin, so that at most one gap rate and one slip are locked, by N and F of those points."""
-        m, j, w2 = self.mass, self.inertia, at.spin * at.spin
-        every = range(len(branch.points))
-        f, rolls = [self.friction(point) for point in branch.points], [self.roll(point) for point in branch.points]
-        n_lock = branch.gaps.index(0) if 0 in branch.gaps else -1
-        f_lock = branch.slips.index(0) if 0 in branch.slips else -1
-        drag = [-f[i] * branch.slips[i] for i in every]  # F over N; 0 where locked
-
-        def under(normal: list[float], extra: float) -> tuple[float, float, float]:
-            """Accelerations without gravity: normal forces with their friction, and a force at the locked slip."""
-            du = sum(drag[i] * normal[i] for i in every) + extra
-            dw = sum((-at.a[i] + at.b[i] * drag[i] - branch.spin * rolls[i]) * normal[i] for i in every)
-            if f_lock >= 0:
-                dw += at.b[f_lock] * extra
-            return du / m, sum(normal) / m, dw / j
-
-        normal = [0.0 if i == n_lock else self.stiffness(branch.gaps[i]) * at.x[i] for i in every]
-        du, dv, dw = under(normal, 0.0)
-        du, dv = du + self.along, dv - self.into
-        radius = [self.arcs[point.arc].radius for point in branch.points]
-        pull = 0.0
-        if n_lock >= 0 or f_lock >= 0:
-            n_unit = under([1.0 if i == n_lock else 0.0 for i in every], 0.0)
-            f_unit = under([0.0 for _ in every], 1.0)
-            # dn/dt = dv/dt - a domega/dt - (r - b) omega^2 = 0 and dt/dt = du/dt + b domega/dt + a omega^2 = 0
-            row_n, row_f = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-            if n_lock >= 0:
-                a, lever = at.a[n_lock], radius[n_lock] - at.b[n_lock]
-                row_n = (n_unit[1] - a * n_unit[2], f_unit[1] - a * f_unit[2], -(dv - a * dw - lever * w2))
-            if f_lock >= 0:
-                b, lever = at.b[f_lock], at.a[f_lock]
-                row_f = (n_unit[0] + b * n_unit[2], f_unit[0] + b * f_unit[2], -(du + b * dw + lever * w2))
-            if n_lock < 0:
-                row_f = (0.0, *row_f[1:])
-            if f_lock < 0:
-                row_n = (row_n[0], 0.0, row_n[2])
-            divisor = row_n[0] * row_f[1] - row_n[1] * row_f[0]
-            push = (row_n[2] * row_f[1] - row_n[1] * row_f[2]) / divisor
-            pull = (row_n[0] * row_f[2] - row_n[2] * row_f[0]) / divisor
-            if n_lock >= 0:
-                normal[n_lock] = push
-            du, dv, dw = under(normal, pull)
-            du, dv = du + self.along, dv - self.into
-        tangential = [pull if i == f_lock else drag[i] * normal[i] for i in every]
-        slacks: list[float] = []
-        if n_lock >= 0:
-            x = at.x[n_lock]
-            slacks += [normal[n_lock] - self.opening * x, self.closing * x - normal[n_lock]]
-        if f_lock >= 0:
-            slacks.append(f[f_lock] * normal[f_lock] - abs(pull))
-        moment = -branch.spin * sum(rolls[i] * normal[i] for i in every)
-        return Forces((du, dv, dw), tuple(normal), tuple(tangential), moment, tuple(slacks))
+        """Of a body free to spin, so that at most one gap rate and one slip are locked: one linear system."""
+        count, w2 = len(branch.points), at.spin * at.spin
+        size = 3 + 2 * count
+        matrix, right = np.zeros((size, size)), np.zeros(size)  # for the rates of u, v and omega, N and F of each point
+        matrix[0, 0] = matrix[1, 1] = self.mass
+        matrix[2, 2] = self.inertia
+        right[:2] = self.mass * self.along, -self.mass * self.into
+        for i, point in enumerate(branch.points):
+            a, b, lever = at.a[i], at.b[i], self.arcs[point.arc].radius - at.b[i]
+            normal, force = 3 + i, 3 + count + i
+            matrix[0, force] = matrix[1, normal] = -1.0
+            matrix[2, normal], matrix[2, force] = a + self.roll(point) * branch.spin, -b
+            if branch.gaps[i] == 0:  # dn/dt = dv/dt - a domega/dt - (r - b) omega^2 = 0
+                matrix[normal, 1:3], right[normal] = (1.0, -a), lever * w2
+            else:
+                matrix[normal, normal], right[normal] = 1.0, self.stiffness(branch.gaps[i]) * at.x[i]
+            if branch.slips[i] == 0:  # dt/dt = du/dt + b domega/dt + a omega^2 = 0
+                matrix[force, 0], matrix[force, 2], right[force] = 1.0, b, -a * w2
+            else:
+                matrix[force, force], matrix[force, normal] = 1.0, self.friction(point) * branch.slips[i]
+        du, dv, dw, *forces = np.linalg.solve(matrix, right).tolist()
+        loads, pulls, slacks = tuple(forces[:count]), tuple(forces[count:]), []
+        for i, point in enumerate(branch.points):
+            if branch.gaps[i] == 0:
+                slacks += [loads[i] - self.opening * at.x[i], self.closing * at.x[i] - loads[i]]
+            if branch.slips[i] == 0:
+                slacks.append(self.friction(point) * loads[i] - abs(pulls[i]))
+        moment = -branch.spin * sum(self.roll(point) * load for point, load in zip(branch.points, loads, strict=True))
+        return Forces((du, dv, dw), loads, pulls, moment, tuple(slacks))
 
     def _held(self, branch: Branch, at: Place) -> Forces:
         """Of a body that does not spin: gap rates are equal, slips too, and M balances the moment of some share."""
@@ -1014,114 +993,6 @@ def _ended(case: Case, end: str, time: float, state: State, rebounds: list[Rebou
 # --- rigid surfaces --------------------------------------------------------------------------------------------------
 
 
-class Impact(NamedTuple):
-    """Of rigid surfaces."""
-
-    state: State
-    impulses: tuple[float, float, float]
-    losses: Losses
-    phases: tuple[tuple[float, int, int, bool], ...]  # normal impulse, signs of slip and spin, whether the gap opens
-    v_n: float  # [m/s] gap rate after it
-
-
-def follow_rigid_impact(
-    mass: float,
-    inertia: float,
-    arm_a: float,
-    arm_b: float,
-    restitution: float,
-    friction: float,
-    rolling_arm: float,
-    state: State,
-) -> Impact:
-    """The impact of one point at (-arm_a, -arm_b) from the mass centre, phase by phase in normal impulse p.
-
-    With w = (v_t, omega), dw/dp = A z + k and dv_n/dp = l.z + W_nn, where z = (mu, rho) is the least of
-    z.A z/2 + k.z over |mu| <= f, |rho| <= d, a component whose velocity is not zero being -f or -d times its sign.
-    """
-    m, j, a, b, f, d, e = mass, inertia, arm_a, arm_b, friction, rolling_arm, restitution
-    w_tt, w_tw, w_ww = 1.0 / m + b * b / j, b / j, 1.0 / j
-    k_t, k_w, w_nn = -a * b / j, -a / j, 1.0 / m + a * a / j
-    slip, spin, rate = state.u + b * state.omega, state.omega, state.v - a * state.omega
-    stored = p = tangential = rolling = compression = sliding = rolled = 0.0
-    phases: list[tuple[float, int, int, bool]] = []
-    opening, over = False, rate >= 0.0
-    while not over:
-        mu, rho, _ = min(
-            _box_points(slip, spin, f, d, (w_tt, w_tw, w_ww), (k_t, k_w)),
-            key=lambda z: z[2],
-        )
-        slips, spins = w_tt * mu + w_tw * rho + k_t, w_tw * mu + w_ww * rho + k_w
-        gains = k_t * mu + k_w * rho + w_nn
-        if slip == 0.0 and abs(mu) < f:
-            slips = 0.0
-        if spin == 0.0 and abs(rho) < d:
-            spins = 0.0
-        if rate == 0.0:
-            if gains >= 0.0 and stored <= 0.0:
-                break
-            opening = gains > 0.0
-        events = {"end": math.inf, "slip": _until(slip, slips), "spin": _until(spin, spins)}
-        events["rate"] = _until(rate, gains)
-        if opening:  # stored e^2 = integral of v_n dp = rate s + gains s^2/2
-            under = rate * rate + 2.0 * gains * e * e * stored
-            if under >= 0.0 and rate + math.sqrt(under) > 0.0:
-                events["end"] = 2.0 * e * e * stored / (rate + math.sqrt(under))
-        event = min(events, key=lambda name: events[name])
-        s = events[event]
-        if not s < math.inf or len(phases) > 50:
-            raise Unsupported("an impact without end")
-        work = rate * s + 0.5 * gains * s * s
-        if opening:
-            stored -= work / (e * e) if e > 0.0 else stored
-        else:
-            stored -= work
-            compression -= work
-        sliding -= mu * (slip * s + 0.5 * slips * s * s)
-        rolled -= rho * (spin * s + 0.5 * spins * s * s)
-        p, tangential, rolling = p + s, tangential + mu * s, rolling + rho * s
-        phases.append((s, _sign(slip or slips), _sign(spin or spins), opening))
-        slip = 0.0 if event == "slip" else slip + slips * s
-        spin = 0.0 if event == "spin" else spin + spins * s
-        rate = 0.0 if event == "rate" else rate + gains * s
-        over = event == "end" or (event == "rate" and e == 0.0 and not opening)
-    after = State(*state[:3], slip - b * spin, rate + a * spin, spin)
-    losses = Losses((1.0 - e * e) * compression, sliding, rolled)
-    return Impact(after, (p, tangential, rolling), losses, tuple(phases), rate)
-
-
-def _sign(value: float) -> int:
-    return (value > 0.0) - (value < 0.0)
-
-
-def _until(velocity: float, rate: float) -> float:
-    """Normal impulse after which a velocity is zero."""
-    return -velocity / rate if velocity * rate < 0.0 else math.inf
-
-
-def _box_points(
-    slip: float, spin: float, f: float, d: float, a: tuple[float, float, float], k: tuple[float, float]
-) -> Iterator[tuple[float, float, float]]:
-    """Where z.A z/2 + k.z may be least in the box, and its value: the corners, and the least on each free line."""
-    a_tt, a_tw, a_ww = a
-
-    def value(mu: float, rho: float) -> tuple[float, float, float]:
-        return mu, rho, 0.5 * (a_tt * mu * mu + 2.0 * a_tw * mu * rho + a_ww * rho * rho) + k[0] * mu + k[1] * rho
-
-    mus = (-f, f) if slip == 0.0 else (-f * _sign(slip),)
-    rhos = (-d, d) if spin == 0.0 else (-d * _sign(spin),)
-    yield from (value(mu, rho) for mu in mus for rho in rhos)
-    if slip == 0.0:
-        yield from (value(min(max(-(k[0] + a_tw * rho) / a_tt, -f), f), rho) for rho in rhos)
-    if spin == 0.0:
-        yield from (value(mu, min(max(-(k[1] + a_tw * mu) / a_ww, -d), d)) for mu in mus)
-    if slip == 0.0 and spin == 0.0:
-        divisor = a_tt * a_ww - a_tw * a_tw
-        mu, rho = (a_tw * k[1] - a_ww * k[0]) / divisor, (a_tw * k[0] - a_tt * k[1]) / divisor
-        if abs(mu) <= f and abs(rho) <= d:
-            yield value(mu, rho)
-
-
 def follow_rigid(case: Case, *, max_rebounds: int = 1, max_time: float = 10.0, settle_speed: float = 0.0) -> Descent:
     """Follow a descent on a rigid slope, by flights and impacts of one point alone.
 
@@ -1148,12 +1019,16 @@ def follow_rigid(case: Case, *, max_rebounds: int = 1, max_time: float = 10.0, s
         if before.v - a * before.omega > -settle_speed:
             raise Unsupported("a slow impact")
         zone = zones[zone_at(zones, before.x - a)]
-        impact = follow_rigid_impact(body.mass, body.inertia, a, b, e, zone.friction, arm_in(zone, arc), before)
-        if impact.v_n <= 0.0:
+        met = before.u + b * before.omega, before.omega, before.v - a * before.omega
+        impact = rational_impact(body.mass, body.inertia, a, b, zone.friction, arm_in(zone, arc), e, *met)
+        if impact.approach <= 0.0:
             raise Unsupported("a rigid contact that lasts")
-        state = impact.state
-        locked = any(slip == 0 or spin == 0 for _, slip, spin, _ in impact.phases)
-        ended = (impact.impulses, impact.losses, False, len(impact.phases), locked)
+        u, v = impact.slip - b * impact.omega, impact.approach + a * impact.omega
+        state = State(*before[:3], u, v, impact.omega)
+        locked = any(phase.slip == 0 or phase.spin == 0 for phase in impact.phases)
+        impulses = (impact.normal, impact.friction, impact.moment)
+        losses = Losses(impact.loss_normal, impact.loss_sliding, impact.loss_rolling)
+        ended = (impulses, losses, False, len(impact.phases), locked)
         rebounds.append(Rebound(time, before, k, time, state, *ended))
         if len(rebounds) >= max_rebounds:
             return _ended(case, "rebounds", time, state, rebounds, 0.0)

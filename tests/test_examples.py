@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 from typing import Any, get_args
+from unittest.mock import create_autospec
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from PIL import Image
 from docs import draw
 from docs.draw import run
 from sledenv import Scenario, load_scenario, load_study
+from sledenv.benchmark import oracle
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
 from sledenv.scenarios import sections
@@ -51,7 +53,7 @@ def test_the_sensitivity_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, 
     assert "nearest change" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("page", ["descent", "gallery", "track"])
+@pytest.mark.parametrize("page", ["descent", pytest.param("gallery", marks=pytest.mark.slow), "track"])
 def test_the_pages_of_pictures_draw_what_they_show(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     run(blocks(f"docs/{page}.md"))
@@ -72,15 +74,20 @@ def test_the_page_on_hillsides_draws_its_picture(tmp_path, monkeypatch, capsys):
     assert "body.width_ratio" in capsys.readouterr().out
 
 
-def test_the_five_lines_of_the_first_page_judge_an_agent(capsys):
-    """On one context instead of 20. Oracle: the draws of the launch noise by which all agents are judged."""
+def test_the_five_lines_of_the_first_page_judge_an_agent(capsys, monkeypatch):
+    """On one context instead of 20, whose best launch is not searched.
+
+    Oracle: the draws of the launch noise by which all agents are judged.
+    """
+    searched = create_autospec(oracle.best_launches, return_value={"reward": np.ones(1)})
+    monkeypatch.setattr(oracle, "best_launches", searched)
     benchmark, steps = blocks("docs/index.md")
     assert "20)" in benchmark
     names = run([benchmark.replace("20)", "1)")])
     problem = names["problem"]
     earned = problem.expect(problem.trials(names["contexts"], "test"), names["actions"][:, np.newaxis])
     assert np.array_equal(names["reward"], earned[:, 0])
-    assert -0.01 < float(capsys.readouterr().out.split()[1]) < 1.0
+    assert float(capsys.readouterr().out.split()[1]) == 1.0 - earned[0, 0]
     assert 0.0 <= run([steps])["reward"] <= 1.0
 
 
@@ -217,9 +224,9 @@ def test_the_notebook_from_the_environment_to_a_regret_says_what_it_computes(cap
     names = notebook("train_and_judge")
     regret = names["scores"]["mean regret"]
     assert regret["before learning"] > 0.1
-    assert regret["PPO"] < 0.02
-    assert 0.1 < regret["land flat"] < 0.13
-    assert np.ptp([rewards[20] for rewards in names["missed"].values()]) < 0.02  # hit exactly
+    assert names["scores"]["worst regret"]["PPO"] < 0.04
+    assert 0.19 < regret["land flat"] < 0.22
+    assert np.ptp([rewards[20] for rewards in names["missed"].values()]) < 0.03  # hit exactly
     missed = {name: rewards.mean() for name, rewards in names["missed"].items()}
     assert missed["land flat"] < 0.7 < 0.9 < missed["PPO"]
     assert (names["missed"]["land flat"][20:25] > 0.5).tolist() == [True, True, True, False, False]  # 0 to 2 degrees

@@ -87,7 +87,7 @@ def test_a_citation_leads_where_the_package_does() -> None:
     ("missing", "module", "extra"),
     [
         ("torch", "sledenv.envs.sb3", "agents"),
-        ("stable_baselines3", "sledenv.agents.demo", "agents"),
+        ("stable_baselines3", "sledenv.agents.sac", "agents"),
         ("pandas", "sledenv.agents.zero", "benchmark"),
         ("scipy", "sledenv.benchmark.oracle", "benchmark"),
         ("pyarrow", "sledenv.identification.tracks", "analysis"),

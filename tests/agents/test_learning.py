@@ -147,7 +147,7 @@ def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
     np.testing.assert_array_equal(seen, also)
     model = PPO("MlpPolicy", wrapped, n_steps=2, seed=0)
     model.policy.action_net.bias.data[:] = torch.tensor([0.3, 0.5])  # an untrained policy neither turns nor spins
-    agent = PpoAgent(model, Landing(problem))
+    agent = PpoAgent(model, Landing(problem), None)
     for _ in range(3):  # contexts change with every step
         chosen = agent.act(seen)
         told, _ = model.predict(seen, deterministic=True)

@@ -148,8 +148,8 @@ def test_an_unknown_environment_is_refused():
 @pytest.mark.parametrize(
     ("environment", "wide", "message"),
     [
-        ("launch", 1, r"action has shape \(1,\): must be \(2,\)"),
-        ("descent", 2, r"action has shape \(2,\): must be \(1,\)"),
+        ("launch", 1, r"actions has shape .*, 1\): must be \(N, 2\), columns orientation, spin"),
+        ("descent", 2, r"actions has shape .*, 2\): must be \(N, 1\), columns trim"),
     ],
 )
 def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, message):
@@ -159,7 +159,7 @@ def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, m
         problem.judge(agent, problem.trials(problem.contexts("test", 3), "test"))
 
 
-@pytest.mark.parametrize(("answer", "message"), [(np.nan, "nan"), (1.5, "within"), ("x", "numbers of shape")])
+@pytest.mark.parametrize(("answer", "message"), [(np.nan, "nan"), (1.5, "within"), ("x", "must hold numbers")])
 def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
     class Wrong:
         def act(self, observations: np.ndarray) -> np.ndarray:

@@ -22,10 +22,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore")]  # of torc
 
 @pytest.mark.parametrize(
     ("algorithm", "given"),
-    [
-        (SAC, ["learning_starts:64", "batch_size:32"]),
-        (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"]),
-    ],
+    [(SAC, ["learning_starts:64", "batch_size:32"]), (PPO, ["n_steps:16", "batch_size:16", "n_epochs:2"])],
 )
 def test_the_zoo_trains_evaluates_and_saves_a_model_that_acts(algorithm, given, tmp_path):
     """Oracle: the files that the zoo documents; the saved policy on the native batch."""

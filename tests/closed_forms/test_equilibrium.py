@@ -64,7 +64,7 @@ def laid(
 
 def test_a_pose_rests_where_the_forces_balance() -> None:
     """Oracle: forces and moment of each pose, one at a time."""
-    for body, law, slope in [*random_cases(40), *random_cases(40, bodies=OUTLINES)]:
+    for body, law, slope in [*random_cases(12), *random_cases(12, bodies=OUTLINES)]:
         phi = np.linspace(-7.0, 7.0, 301)
         assert static_jam(body, law, slope, phi).tolist() == [rests(body, law, slope, angle) for angle in phi.tolist()]
 
@@ -122,7 +122,7 @@ def test_a_wheel_rests_everywhere_or_nowhere() -> None:
 def test_the_steepest_slope_is_where_rest_ends() -> None:
     """Oracle: static_jam 1e-9 rad to both sides; the mirrored pose gives the other end."""
     phi = np.linspace(-3.0, 3.0, 73)
-    for body, law, _ in random_cases(20):
+    for body, law, _ in random_cases(8):
         highest, lowest = steepest_jam(body, law, phi), -steepest_jam(body, law, -phi)
         assert np.array_equal(np.isnan(highest), np.isnan(lowest))
         for angle, high, low in zip(phi, highest, lowest, strict=True):
@@ -195,7 +195,7 @@ def test_wrong_arguments_are_named() -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004)
     with pytest.raises(ValueError, match=r"static_jam: phi\[1\] = nan: must be a finite number"):
         static_jam(DISC, law, Slope(0.1), [0.0, math.nan])
-    with pytest.raises(TypeError, match="phi = 'upright': must be numbers"):
+    with pytest.raises(TypeError, match="phi holds <U7: must hold numbers"):
         static_jam(DISC, law, Slope(0.1), "upright")
     with pytest.raises(ValueError, match="gravity = 0"):
         static_jam_angles(DISC, law, Slope(0.1, 1.0, 0.0))

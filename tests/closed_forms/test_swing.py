@@ -39,7 +39,7 @@ def passages(body: Body, slope: Slope, middle: float, start: float, friction: fl
 def test_the_simulator_swings_with_this_period(name: str, sticks: bool, beta: float) -> None:
     """Oracle: the descent of a body let go beside its rest; the first quarter and three halves."""
     body, start = SWINGING[name]
-    slope = Slope(beta)
+    slope = Slope(beta if sticks else 10.0 * beta)
     swing = min(small_swings(body, slope, sticks=sticks), key=lambda swing: abs(swing.phi))
     assert swing.part == ("runner" if "rider" in name else "arc")
     times = passages(body, slope, swing.phi, start, 10.0 if sticks else 0.0, 1.9 * swing.period)

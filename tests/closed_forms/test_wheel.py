@@ -7,11 +7,9 @@ import math
 import random
 from fractions import Fraction
 
-import numba
 import numpy as np
 import pytest
 
-import sledenv
 from sledenv.closed_forms import wheel
 from sledenv.closed_forms.wheel import BRANCHES, collide_wheel, is_stuck, wheel_stuck_ratio
 from sledenv.kernel.books import contact_mode
@@ -25,7 +23,7 @@ from tests.compiled import compiled
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
 NO_PHASES = np.empty(0, PHASE)
-SIZES = [50_000, pytest.param(1_000_000, marks=pytest.mark.slow)]
+SIZES = [5000, pytest.param(1_000_000, marks=pytest.mark.slow)]
 
 
 def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.ndarray, hits: np.ndarray) -> None:
@@ -150,21 +148,6 @@ def rules_that_hold(m, inertia, r, f, delta, impulse, u, omega):  # type: ignore
     return slide_roll, stop_roll, slide, stuck, spin_reversal, slip_reversal, double_reversal
 
 
-@numba.njit(error_model="numpy")  # type: ignore[untyped-decorator]
-def count_rules(cases: np.ndarray, count: np.ndarray, which: np.ndarray) -> None:
-    """Number of rules that hold, and the last of them, for every case."""
-    for i in range(len(cases)):
-        m, inertia, r, f, delta, e, u, v, omega = cases[i]
-        held = compiled_rules(m, inertia, r, f, delta, m * abs(v) * (1.0 + e), u, omega)
-        for k in range(7):
-            if held[k]:
-                count[i] += 1
-                which[i] = k + 1
-
-
-compiled_rules = numba.njit(error_model="numpy")(rules_that_hold)
-
-
 # --- against the general solver --------------------------------------------------------------------------------------
 
 
@@ -183,41 +166,19 @@ def test_closed_forms_agree_with_the_general_impact(n: int) -> None:
     assert np.max(np.abs(moment - expected[:, 5]) / (m * r * speed)) < 1e-12
 
 
-@pytest.mark.parametrize("n", SIZES)
-def test_scenarios_are_the_modes_of_the_general_impact(n: int) -> None:
-    """Oracle: the mode code of the kernel, from the signs of slip and spin before and after."""
-    cases = random_wheels(n, seed=2, boundaries=False)
-    _, modes = solve(cases)
-    scenario = collide_wheel(*cases.T).scenario
-    assert np.array_equal(scenario, modes)
-    assert set(scenario) == set(MODE_NAMES[1:]) - {"double-reversal"}
-
-
-def test_rigid_impact_of_a_disc_is_the_wheel_collision() -> None:
-    """Oracle: the public solver on a body without eccentricity."""
-    for m, inertia, r, f, delta, e, u, v, omega in random_wheels(300, seed=3, boundaries=False).tolist():
-        body = sledenv.segment(m, r, 0.0, inertia)
-        law = sledenv.ContactLaw(1.0, 0.0, f, delta)
-        general = sledenv.rigid_impact(body, law, sledenv.State(0.0, r, 0.7, u, v, omega), restitution=e)
-        closed = collide_wheel(m, inertia, r, f, delta, e, u, v, omega)
-        speed = max(abs(u), abs(v), r * abs(omega))
-        assert closed.u == pytest.approx(general.state.u, abs=1e-12 * speed)
-        assert closed.v == pytest.approx(general.state.v, abs=1e-12 * speed)
-        assert closed.omega == pytest.approx(general.state.omega, abs=1e-12 * speed / r)
-        assert closed.scenario == general.mode.name.lower().replace("_", "-")
-
-
 # --- the rules of existence ------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", SIZES)
-def test_exactly_one_rule_holds_and_it_names_the_scenario(n: int) -> None:
-    """Oracle: the rules as ranges of the normal impulse, evaluated separately from the velocities."""
+@pytest.mark.parametrize("n", [2000, pytest.param(200_000, marks=pytest.mark.slow)])
+def test_exactly_one_rule_holds_and_it_names_the_scenario_and_the_mode(n: int) -> None:
+    """Oracle: the rules as ranges of the normal impulse, evaluated separately; the mode code of the kernel."""
     cases = random_wheels(n, seed=4, boundaries=False)
-    count, which = np.zeros(n, np.int64), np.zeros(n, np.int64)
-    count_rules(cases, count, which)
-    assert np.all(count == 1)
-    assert np.array_equal(MODE_NAMES[which], collide_wheel(*cases.T).scenario)
+    scenarios, modes = collide_wheel(*cases.T).scenario, solve(cases)[1]
+    for (m, inertia, r, f, delta, e, u, v, omega), scenario, mode in zip(cases.tolist(), scenarios, modes, strict=True):
+        held = rules_that_hold(m, inertia, r, f, delta, m * abs(v) * (1.0 + e), u, omega)
+        assert sum(held) == 1
+        assert scenario == mode == MODE_NAMES[1 + held.index(True)]
+    assert set(scenarios) == set(MODE_NAMES[1:]) - {"double-reversal"}
 
 
 def test_exactly_one_rule_holds_on_every_border() -> None:
@@ -228,7 +189,7 @@ def test_exactly_one_rule_holds_on_every_border() -> None:
         return Fraction(rng.choice(values))
 
     borders = 0
-    for _ in range(4000):
+    for _ in range(1000):
         m, r = draw("1", "2"), draw("1/2", "1")
         inertia = m * r * r * draw("1/2", "1", "2/5")
         f, delta = draw("0", "1/8", "1/4", "1/2", "1"), r * draw("0", "1/8", "1/4", "1/2", "3/4")
@@ -250,36 +211,9 @@ def test_exactly_one_rule_holds_on_every_border() -> None:
     assert borders < 100
 
 
-@pytest.mark.parametrize("spinning", [False, True])
-def test_the_corrected_rows_of_table_1_partition_the_entries_without_spin(spinning: bool) -> None:
-    """Oracle: the four rows of docs/physics.md, section 3, in the form printed there; with spin they do not suffice."""
-    n = 50_000
-    cases = random_wheels(n, seed=6, boundaries=False)
-    m, inertia, r, f, delta, e, u, v, omega = cases.T
-    u = np.abs(u) + 0.01
-    if not spinning:
-        omega = np.zeros(n)
-    impulse = m * np.abs(v) * (1.0 + e)
-    about_contact = inertia + m * r * r
-    u_1, omega_1 = u - f * impulse / m, -(f * r - delta) * impulse / inertia
-    force_2 = m * (inertia * u + r * delta * impulse) / about_contact
-    rows = np.array(
-        [
-            (f * r > delta) & (u_1 + r * omega_1 >= 0.0),
-            (m * r * u > delta * impulse) & (force_2 < f * impulse),
-            (f * r <= delta) & (u_1 >= 0.0),
-            (m * u < f * impulse) & (m * r * u <= delta * impulse),
-        ]
-    )
-    assert np.all(rows.sum(axis=0) == 1)
-    names = np.array(["slide-roll", "stop-roll", "slide", "stuck"], dtype=object)[np.argmax(rows, axis=0)]
-    agrees = collide_wheel(m, inertia, r, f, delta, e, u, v, omega).scenario == names
-    assert np.all(agrees) if not spinning else 0.1 < agrees.mean() < 0.9
-
-
 def test_a_wheel_without_spin_is_stuck_iff_its_entry_is_steep_enough() -> None:
     """Oracle: |u|/|v| <= (1 + e) min(f, delta/r), whatever the inertia."""
-    cases = random_wheels(50_000, seed=8, boundaries=False)
+    cases = random_wheels(5000, seed=8, boundaries=False)
     m, inertia, r, f, delta, e, u, v, _ = cases.T
     u *= np.where(np.arange(len(u)) % 2, 0.1, 1.0)  # more that stick
     stuck = is_stuck(r, f, delta, e, u, v)
@@ -323,17 +257,11 @@ def test_rows_of_the_completed_table_1(
     assert found == pytest.approx((u_1, 1.0, omega_1, force, 6.0, arm), abs=1e-14)
 
 
-def test_slip_and_spin_that_stop_together_leave_the_wheel_stuck() -> None:
-    """Without friction and translation the slip is r omega: rolling resistance stops both after J omega/delta."""
-    result = collide_wheel(1.0, 0.3, 0.7, 0.0, 0.1, 0.5, 0.0, -4.0, 1.3)
-    assert (result.u, result.omega, result.scenario) == (0.0, 0.0, "stuck")
-
-
 # --- symmetry and energy ---------------------------------------------------------------------------------------------
 
 
 def test_the_mirrored_entry_gives_the_mirrored_impact_bit_for_bit() -> None:
-    cases = random_wheels(50_000, seed=9, boundaries=True)
+    cases = random_wheels(5000, seed=9, boundaries=True)
     mirrored = cases * np.array([1, 1, 1, 1, 1, 1, -1, 1, -1])
     one, other = collide_wheel(*cases.T), collide_wheel(*mirrored.T)
     for name, sign in (("u", -1), ("omega", -1), ("tangential_impulse", -1), ("arm", -1), ("v", 1), ("branch", 1)):
@@ -384,7 +312,7 @@ def test_scalars_give_scalars_and_arrays_broadcast() -> None:
 
 
 def test_every_branch_occurs_and_has_a_rule_of_its_own() -> None:
-    cases = random_wheels(50_000, seed=11, boundaries=True)
+    cases = random_wheels(5000, seed=11, boundaries=True)
     found = collide_wheel(*cases.T)
     assert set(np.unique(found.branch)) == set(range(1, len(BRANCHES)))
     rules = [rule for _, rule in BRANCHES]
@@ -418,7 +346,7 @@ def test_bad_numbers_are_named(name: str, value: object, message: str) -> None:
 
 
 def test_bad_types_and_shapes_are_named() -> None:
-    with pytest.raises(TypeError, match="friction = 'ice': must be numbers, each in"):
+    with pytest.raises(TypeError, match="friction holds <U3: must hold numbers, each in"):
         collide_wheel(1.0, 0.1, 0.5, "ice", 0.1, 0.5, 1.0, -1.0)
     with pytest.raises(ValueError, match=r"do not broadcast together: friction \(2,\), u \(3,\)"):
         collide_wheel(1.0, 0.1, 0.5, [0.1, 0.2], 0.1, 0.5, [1.0, 2.0, 3.0], -1.0)

@@ -142,11 +142,6 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
     assert told["written"] == [str(file)]
 
 
-def test_sensitivity_refuses_what_it_cannot_do(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = tmp_path / "growth.pdf"
-    assert "must end in .png" in refused(capsys, "sensitivity", own_scenario("bowl_snow"), "--out", str(file))
-
-
 def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenarios"]) == 0
     header, *lines = capsys.readouterr().out.splitlines()
@@ -161,19 +156,8 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [
-        "simulate",
-        own_scenario("ice_drop"),
-        "--seed",
-        "3",
-        "--orientation-deg",
-        "-20",
-        "--spin",
-        "1.5",
-        "--solver",
-        "rigid",
-    ]
-    assert main(arguments) == 0
+    chosen = "--seed 3 --orientation-deg -20 --spin 1.5 --solver rigid"
+    assert main(["simulate", own_scenario("ice_drop"), *chosen.split()]) == 0
     out = capsys.readouterr().out
     assert "ice_drop, seed 3, solver rigid" in out
     assert "orientation -20.00 deg, spin 1.500 rad/s" in out
@@ -208,13 +192,12 @@ def test_replay_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[st
 def test_a_wrong_replay_is_refused_and_nothing_is_written(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     page = tmp_path / "page.html"
     assert "did you mean 'sled_snow'?" in refused(capsys, "replay", "sled_snw", "--out", str(page))
-    assert "must end in .html" in refused(
-        capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path / "page.yaml")
-    )
-    assert "must end in .html" in refused(capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path))
-    assert "there is no folder" in refused(
-        capsys, "replay", own_scenario("ice_drop"), "--out", str(tmp_path / "a" / "b.html")
-    )
+    for place, message in (
+        (tmp_path / "page.yaml", "must end in .html"),
+        (tmp_path, "must end in .html"),
+        (tmp_path / "a" / "b.html", "there is no folder"),
+    ):
+        assert message in refused(capsys, "replay", own_scenario("ice_drop"), "--out", str(place))
     assert list(tmp_path.iterdir()) == []
 
 
@@ -240,6 +223,24 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
     assert "did you mean 'sled_snow'?" in refused(capsys, "play", "sled_snw", "--html", str(page))
 
 
+def test_play_of_a_ride_writes_a_page_to_ride(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
+    page, which = tmp_path / "page.html", ("sled_unsteady", "--seed", "4", "--speed", "9")
+    assert main(["play", *which, "--html", str(page), "--json"]) == 0
+    written = {"scenario": "sled_unsteady", "seed": 4, "solver": "compliant", "written": [str(page)]}
+    assert json.loads(capsys.readouterr().out) == written
+    hills = json.loads(data_of(page.read_text(encoding="utf-8"))["exact"])["hills"]
+    assert [hill["name"] for hill in hills] == ["draw 4", "draw 5", "draw 6"]
+    assert all(len(hill["rides"]) > 1 and all(ride["trims"] for ride in hill["rides"]) for hill in hills)
+    assert main(["simulate", *which, "--json"]) == 0
+    assert hills[0]["scene"]["launch"] == json.loads(capsys.readouterr().out)["launch"]
+    assert "must be compliant" in refused(capsys, "play", *which, "--solver", "rigid", "--html", str(page))
+    run = ("--run", "sled_mat-launch-spin-critic-s0", "--html", str(page))
+    assert "chooses a launch" in refused(capsys, "play", *which, *run)
+    assert "scenario ice_drop has no rider over bumps" in refused(capsys, "play", own_scenario("ice_drop"), *run)
+    assert "are asked for, of no scenario: name one" in refused(capsys, "play", *run)
+
+
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert "did you mean 'sled_snow'?" in refused(capsys, "simulate", "sled_snw")
     assert "error: --seed: must be an integer >= 0: '-1'" in refused(
@@ -251,6 +252,7 @@ def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixtu
     bad = "--orientation-deg: must be a finite number in [-360, 360] deg: "
     for value in ("up", "-360.1"):
         assert f"{bad}{value!r}" in refused(capsys, "simulate", own_scenario("ice_drop"), f"--orientation-deg={value}")
+    assert "must end in .png" in refused(capsys, "sensitivity", "paper_impact", "--out", str(tmp_path / "growth.pdf"))
     for command in ("simulate", "sensitivity", "replay", "play"):
         assert 'Invalid value "euler" for --solver. Choose from: "compliant", "rigid".' in refused(
             capsys, command, own_scenario("ice_drop"), "--solver", "euler"
@@ -308,16 +310,7 @@ def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["reproduce", "--json", "--out", str(tmp_path / "out")]) == 0
     out, err = capsys.readouterr()
     lines, found = err.splitlines(), json.loads(out)
-    steps = (
-        "Equation",
-        "Figures 7-10",
-        "Figures 11-14",
-        "Table 1",
-        "Modes",
-        "Convergence",
-        "Jamming",
-        "Table of",
-    )
+    steps = "Equation", "Figures 7-10", "Figures 11-14", "Table 1", "Modes", "Convergence", "Jamming", "Table of"
     assert len(lines) == len(steps)
     assert all(line.startswith(f"reproduce: {step}") for line, step in zip(lines, steps, strict=True))
     assert found["written"] == [str(tmp_path / "out" / "index.md")]
@@ -361,30 +354,36 @@ def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.C
     assert "must end in .png" in refused(capsys, "map", own_scenario("ice_drop"), "--out", str(tmp_path / "map.pdf"))
 
 
-def interrupted(*given: object, **named: object) -> None:
-    raise KeyboardInterrupt
-
-
-def test_benchmark_runs_a_suite_and_writes_its_report(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Oracle: the page names the agents; a second call finds everything done."""
+def call_of_a_suite(folder: Path) -> list[str]:
     agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
-    suite = tmp_path / "two.yaml"
+    suite = folder / "two.yaml"
     suite.write_text(
         f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_mat], maps: 0, agents: {agents}}}"
     )
-    (tmp_path / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
-    call = ["benchmark", "--suite", str(suite), "--out", str(tmp_path / "out"), "--workers", "1"]
-    with monkeypatch.context() as patch:
-        patch.setattr("sledenv.benchmark.runner.run_suite", interrupted)
-        assert main(call) == 130
+    (folder / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
+    return ["benchmark", "--suite", str(suite), "--out", str(folder / "out"), "--workers", "1"]
+
+
+def test_benchmark_tells_what_it_is_about_to_do(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(*given: object, **named: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("sledenv.benchmark.runner.run_suite", interrupted)
+    assert main(call_of_a_suite(tmp_path)) == 130
     assert capsys.readouterr() == (
         "",
         "benchmark: suite two, Two: 3 jobs (3 agents with their seeds, scenarios: 1), each judged in 3 contexts; "
         f"results go to {tmp_path / 'out'}\n"
         "sledenv benchmark: interrupted; the same command goes on where it was\n",
     )
+
+
+@pytest.mark.slow
+def test_benchmark_runs_a_suite_and_writes_its_report(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the page names the agents; a second call finds everything done."""
+    call = call_of_a_suite(tmp_path)
     assert main(call) == 0
     page = tmp_path / "out" / "report" / "index.html"
     assert "best fixed" in page.read_text()

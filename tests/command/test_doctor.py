@@ -81,18 +81,15 @@ def test_a_kernel_that_cannot_be_used_is_found(ill: Ill) -> None:
 
 
 def test_a_number_of_threads_that_is_none_is_found(ill: Ill, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the message."""
     monkeypatch.setenv("NUMBA_NUM_THREADS", "0")
     assert "sledenv doctor: NUMBA_NUM_THREADS = 0: must be " in ill()
 
 
 def test_a_check_that_fails_is_found(ill: Ill) -> None:
-    """Oracle: the message."""
     assert "rigid impact: TypeError: 'NoneType' object is not callable" in ill(rigid_impact=None)
 
 
 def test_kernels_that_are_not_compiled_at_all_are_found(ill: Ill) -> None:
-    """Oracle: the message."""
     assert "NUMBA_DISABLE_JIT is set" in ill(INTERPRETED=True)
 
 

@@ -43,11 +43,7 @@ Mass = Annotated[float, positive("kg")]
     ids=lambda value: type(value).__name__,
 )
 def test_an_error_is_one_line_and_a_status(
-    error: BaseException,
-    status: int,
-    message: str,
-    capsys: pytest.CaptureFixture[str],
-    request: pytest.FixtureRequest,
+    error: BaseException, status: int, message: str, capsys: pytest.CaptureFixture[str], request: pytest.FixtureRequest
 ) -> None:
     command = app("tool", "A tool.")
 
@@ -199,7 +195,7 @@ def test_help_loads_nothing_heavy() -> None:
     assert done.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("module", ["gymnasium", "cyclopts", "llvmlite", "pydantic"])
+@pytest.mark.parametrize("module", ["cyclopts", "pydantic"])
 def test_an_interrupt_while_the_package_is_loaded_is_one_line(module: str) -> None:
     """Oracle: a process that gets SIGINT as soon as it asks for a module."""
     program = f"""
@@ -223,9 +219,8 @@ def test_an_interrupt_while_the_package_is_loaded_is_one_line(module: str) -> No
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="needs a Unix shell")
-@pytest.mark.parametrize("arguments", ["--help", "simulate paper_impact --json"])
-def test_a_reader_that_has_seen_enough_ends_no_command_with_a_traceback(arguments: str) -> None:
-    command = f"{sys.executable} -m sledenv {arguments} | true"
+def test_a_reader_that_has_seen_enough_ends_no_command_with_a_traceback() -> None:
+    command = f"{sys.executable} -m sledenv simulate paper_impact --json | true"
     assert subprocess.run(["bash", "-c", command], capture_output=True, text=True).stderr == ""
 
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
-from gymnasium.utils.env_checker import data_equivalence
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
@@ -17,6 +18,7 @@ from sledenv.envs.task import Task, highest_support
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.support import support_height
+from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario
 
 POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [0.3, 0.4], [-0.4, 0.3]]}
@@ -37,22 +39,18 @@ def scenario(body: dict) -> sledenv.Scenario:
 SEVERAL = scenario({"kind": "choice", "of": BODIES})
 
 
-def actions(rng: np.random.Generator, count: int, width: int) -> np.ndarray:
-    return rng.uniform(-1.0, 1.0, (count, width)).astype(np.float32)
-
-
 @pytest.mark.parametrize(("one", "many"), KINDS)
 def test_lanes_are_scalar_environments_whatever_bodies_they_have_one_after_the_other(one, many):
     """Oracle: SyncVectorEnv of the scalar environment in all it returns."""
     lanes, rng = 7, np.random.default_rng(0)
     env = many(lanes, SEVERAL, autoreset_mode=AutoresetMode.SAME_STEP, info=sledenv.envs.info.INFO_KEYS)
     sync = SyncVectorEnv([lambda: one(SEVERAL)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
-    assert data_equivalence(env.reset(seed=3), sync.reset(seed=3), exact=True)
+    assert equal(env.reset(seed=3), sync.reset(seed=3))
     seen = set()
     for _ in range(30):
-        action = actions(rng, lanes, env.single_action_space.shape[0])
+        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
         step = env.step(action)
-        assert data_equivalence(step, sync.step(action), exact=True)
+        assert equal(step, sync.step(action))
         seen |= set(step[0][:, SHAPE].tolist())
     assert seen == {-1.0, 0.0, 1.0}
 
@@ -95,16 +93,25 @@ def test_contexts_go_by_their_bodies():
     assert task.launches(contexts[:0], np.zeros((0, len(task.controlled)))).shape == (0, 6)
 
 
-def test_a_body_can_be_asked_for_and_none_that_the_scenario_does_not_have():
+def test_a_body_can_be_asked_for():
     env, batch = SledLaunch(SEVERAL), SledLaunchVector(3, SEVERAL)
     for shape in (0, 1, 2):
         assert env.reset(options={"context": {"shape": shape}})[0][SHAPE] == shape - 1.0
     assert batch.reset(options={"context": {"shape": [2, 0, 1]}})[0][:, SHAPE].tolist() == [1.0, -1.0, 0.0]
-    for refuse in (env, batch):
-        with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
-            refuse.reset(options={"context": {"shape": 3}})
+
+
+@pytest.mark.parametrize("kind", [SledLaunch, SledDescent, partial(SledLaunchVector, 2)])
+def test_a_body_that_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind):
+    """Oracle: a twin that was never given it."""
+    env, twin = kind(SEVERAL), kind(SEVERAL)
+    assert equal(env.reset(seed=1), twin.reset(seed=1))
+    with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
+        env.reset(seed=2, options={"context": {"shape": 3}})
+    action = np.zeros(env.action_space.shape, np.float32)
+    assert equal(env.step(action), twin.step(action))
+    assert equal(env.reset(), twin.reset())
     with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
-        SledLaunch(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
+        kind(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
 
 
 def test_contexts_and_flights_are_seen_with_their_body():

@@ -15,16 +15,13 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
 from sledenv import Context, Scenario
-from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.descent import SledDescent
+from sledenv.envs import LAUNCH_ID
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
-from sledenv.envs.vector import SledDescentVector, SledLaunchVector
+from sledenv.envs.vector import SledLaunchVector
 from sledenv.scenarios.sections import CONTROLS, control_words
 from tests.own_scenarios import own_scenario
 
-SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
-NATIVE = {LAUNCH_ID: SledLaunchVector, DESCENT_ID: SledDescentVector}
 BOUNDS = {"orientation": (-120.0, 150.0), "spin": (-3.0, 7.0), "speed": (2.5, 5.0)}  # in deg, rad/s, m/s
 WORDS = tuple(control_words(BOUNDS))
 COLUMN = {"orientation": 2, "spin": 5, "speed": 3}  # of State

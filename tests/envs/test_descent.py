@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import copy
 import pickle
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.utils.env_checker import check_env, data_equivalence
+from gymnasium.utils.env_checker import check_env
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition, rule, run_state_machine_as_test
@@ -25,14 +24,12 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, Task
 from sledenv.scenarios.tracks import TRACKS, standard_normals
 from sledenv.simulation.support import support_height
+from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 SOLVERS = ("compliant", "rigid")
 BUMPS, UNSTEADY = ride_over_bumps(), ride_over_bumps(noise_rad_s=0.3)
 TURN = 2.0 * np.pi
-
-
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 def name_of(scenario):
@@ -99,9 +96,8 @@ def test_a_launch_is_drawn_from_the_control_bounds_unless_the_scenario_says_from
     assert low <= min(turns) < 0.8 * low
     assert 0.8 * high < max(turns) <= high
     env = SledDescent(BUMPS)
-    turns, spins = np.array(
-        [[env.reset(seed=seed)[1]["launch"][name] for seed in range(60)] for name in ("orientation", "spin")]
-    )
+    launched = [env.reset(seed=seed)[1]["launch"] for seed in range(60)]
+    turns, spins = np.array([[launch[name] for launch in launched] for name in ("orientation", "spin")])
     assert 0.8 * np.radians(5.0) < np.abs(turns).max() <= np.radians(5.0)
     assert 0.8 < np.abs(spins).max() <= 1.0
     assert env.action_names == ("trim",)
@@ -241,8 +237,10 @@ def test_the_errors_of_an_unsteady_rider_are_normal_and_independent():
         assert stats.kstest(errors, "norm").pvalue > 1e-3
         assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.03
     assert abs(np.corrcoef(first, second)[0, 1]) < 0.03
-    heights = UNSTEADY._vertices(numbers)[:, 1, 1]
-    assert abs(np.corrcoef(first, heights)[0, 1]) < 0.03
+    vertices = UNSTEADY._vertices(numbers)
+    for bump in (vertices[:, 0, 0], vertices[:, 1, 0] - vertices[:, 0, 0], vertices[:, 1, 1]):
+        assert abs(np.corrcoef(first, bump)[0, 1]) < 0.03
+        assert abs(np.corrcoef(first**2, bump)[0, 1]) < 0.03  # the size of an error is that of one of its two draws
     alone = [float(standard_normals(numbers[[i]], np.array([1]))[0]) for i in (0, 17)]
     assert alone == [second[0], second[17]]
 
@@ -254,7 +252,7 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
     rng = np.random.default_rng(0)
     for scenario in (BUMPS, UNSTEADY, sledenv.Scenario.model_validate(content)):
         env, asked, lent, k = SledDescent(scenario), [], [], 0
-        for seed in range(20):
+        for seed in range(6):
             _, info = env.reset(seed=seed)
             context, ended, k = np.array([list(info["context"].values())]), False, 0
             while not ended:
@@ -317,40 +315,6 @@ def test_a_polygon_is_seen_as_it_flies(solver):
     assert found > 8
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_alternatives_roll_out_from_the_same_impact_and_the_way_back_is_exact(solver):
-    """Oracle: the uninterrupted episode and, for an alternative, a twin that came there by itself; streams included."""
-    for seed in range(1):
-        env, twin = (SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2)) for _ in range(2))
-        env.reset(seed=seed)
-        snapshots, steps = [env.snapshot()], []
-        rng = np.random.default_rng(seed)
-        actions = [random_action(env, rng) for _ in range(300)]
-        for action in actions:
-            steps.append(env.step(action))
-            snapshots.append(env.snapshot())
-            if steps[-1][2] or steps[-1][3]:
-                break
-        following = env.reset()
-        returns = set()
-        for i in rng.choice(len(steps), min(len(steps), 3), replace=False).tolist():
-            for k in range(2):  # alternatives, also one after the other from the same snapshot
-                env.restore(snapshots[i])
-                other = np.random.default_rng([seed, k])
-                rollout = play(env, other)
-                twin.reset(seed=seed)
-                for action in actions[:i]:
-                    twin.step(action)
-                assert equal(rollout, play(twin, np.random.default_rng([seed, k])))
-                returns.add(rollout[-1][1])
-            elsewhere = SledDescent(own_scenario("ice_drop"), solver=solver, launch_noise=(0.1, 0.2))
-            for target in (env, elsewhere):
-                target.restore(pickle.loads(pickle.dumps(snapshots[i])))
-                assert equal([target.step(action) for action in actions[i : len(steps)]], steps[i:])
-                assert equal(target.reset(), following)
-        assert len(steps) == 1 or len(returns) > 1
-
-
 def test_limits_end_a_ride_with_the_reward_of_what_was_done():
     """Oracle: the statuses; paper_impact has 0.04 s for its only impact, and no rider."""
     env = SledDescent("paper_impact")
@@ -369,19 +333,6 @@ def test_limits_end_a_ride_with_the_reward_of_what_was_done():
         ends.add((steps[-1][2], steps[-1][3], STATUS_OF_CODE[steps[-1][4]["descent"]["status"]]))
         assert len(steps) <= 3
     assert (True, False, "log_full") in ends
-
-
-@pytest.mark.parametrize("action", [[2.0], [np.nan], [0.0, 0.0], [[0.0]], 0.0, "left"])
-def test_a_wrong_action_is_refused_in_every_flight_and_the_episode_goes_on(action):
-    """Oracle: a twin that was given right actions alone."""
-    env, twin = (SledDescent(own_scenario("ice_drop")) for _ in range(2))
-    env.reset(seed=0)
-    twin.reset(seed=0)
-    for i in range(3):
-        with pytest.raises(InvalidAction, match="action"):
-            env.step(action)
-        right = random_action(env, np.random.default_rng(i))
-        assert equal(env.step(right), twin.step(right))
 
 
 def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
@@ -404,36 +355,21 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
         ({"contxt": 1}, ValueError, "unknown option 'contxt': must be one of 'context', 'split'"),
         ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
         ({"context": {"frition": 0.1}}, ValueError, "unknown field 'frition' of context: must be one of angle"),
-        ({"context": {"drop": "high"}}, TypeError, "context.drop"),
+        ({"context": {"drop": "high"}}, TypeError, "context.drop holds <U4: must hold numbers"),
+        ({"context": {"friction": -0.1}}, ValueError, r"context.friction = -0.1: must be in \[0, inf\)"),
         ({"context": {"drop": [0.1, 0.2]}}, ValueError, r"context.drop has shape \(2,\): must be \(\) or \(1,\)"),
         ({"context": [1.0, 2.0]}, ValueError, r"context has shape \(2,\)"),
     ):
         with pytest.raises(error, match=message):
             env.reset(seed=1, options=options)
+    for action in ([2.0], [np.nan], [0.0, 0.0], [[0.0]], 0.0, "left"):
+        with pytest.raises(InvalidAction, match="action"):
+            env.step(action)
     rng, same = np.random.default_rng(0), np.random.default_rng(0)
     assert equal(play(env, rng), play(twin, same))
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(1, np.float32))
     assert equal(env.reset(), twin.reset())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "error", "message"),
-    [
-        ({"scenario": "sled_snwo"}, sledenv.ScenarioError, "sled_snow"),
-        ({"control": "trim"}, ValueError, "control = 'trim': must be one of 'both', 'orientation', 'spin'"),
-        ({"solver": "exact"}, ValueError, "solver = 'exact': must be one of 'compliant', 'rigid'"),
-        ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
-        ({"launch_noise": 0.1}, ValueError, "launch_noise = 0.1: must be two numbers"),
-        ({"launch_noise": (0.1, -1.0)}, ValueError, r"launch_noise.spin = -1.0: must be in \[0, inf\)"),
-        ({"launch_noise": (np.nan, 0.0)}, ValueError, r"launch_noise.orientation = nan: must be in \[0, inf\)"),
-        ({"render_mode": "ascii"}, ValueError, "render_mode = 'ascii'"),
-    ],
-)
-def test_bad_arguments_name_the_argument_and_what_is_allowed(arguments, error, message):
-    for kind in (SledLaunch, SledDescent)[: 1 if "control" in arguments else 2]:
-        with pytest.raises(error, match=message):
-            kind(**arguments)
 
 
 @pytest.mark.parametrize("mode", [np.nan, 3, np.zeros(2), ["ansi"]], ids=str)

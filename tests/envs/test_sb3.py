@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import pickle
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
-from gymnasium.error import InvalidAction, ResetNeeded
-from gymnasium.utils.env_checker import data_equivalence
+from gymnasium.error import ResetNeeded
 from stable_baselines3 import PPO, SAC
 from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env as theirs
@@ -26,10 +24,7 @@ from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
-
-SCALAR = {LAUNCH_ID: SledLaunch, DESCENT_ID: SledDescent}
-WIDTH = {LAUNCH_ID: 2, DESCENT_ID: 1}  # of an action
-both_ids = pytest.mark.parametrize("env_id", SCALAR)
+from tests.envs.kinds import SCALAR, WIDTH, both_ids, equal
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch and tensorboard, which this project does not own
 
@@ -49,9 +44,6 @@ def make(short_scenario: sledenv.Scenario):
         return make_vec_env(env_id, lanes, seed, env_kwargs={"scenario": short_scenario}, **options)
 
     return made
-
-
-equal = partial(data_equivalence, exact=True)  # in types, dtypes, keys and values
 
 
 @both_ids
@@ -278,18 +270,6 @@ def test_arguments_of_stable_baselines3_are_taken_or_named(short_scenario):
             make_vec_env(LAUNCH_ID, 2, **{name: None})
     with pytest.raises(TypeError, match=r"env_id = .*: must be an id such as"):
         make_vec_env(SledLaunch, 2)
-
-
-def test_a_wrong_action_is_refused_and_the_batch_stays_usable(make):
-    env, twin = make(2, seed=0), make(2, seed=0)
-    with pytest.raises(ResetNeeded):
-        env.step(np.zeros((2, 2), np.float32))
-    env.reset()
-    twin.reset()
-    for action in (np.full((2, 2), 1.5), np.full((2, 2), np.nan), np.zeros((2, 1)), np.zeros((3, 2))):
-        with pytest.raises(InvalidAction):
-            env.step(action)
-    assert equal(env.step(np.zeros((2, 2))), twin.step(np.zeros((2, 2))))
 
 
 def test_a_pickled_adapter_goes_on_identically(make):

@@ -25,11 +25,7 @@ def told_by_arms(rng: np.random.Generator, n: int, spread: float = 0.012) -> pd.
 
 
 def rebounding(
-    touches: pd.DataFrame,
-    rng: np.random.Generator,
-    noise: float = 0.0,
-    hypothesis: str = "energetic",
-    **truth: float,
+    touches: pd.DataFrame, rng: np.random.Generator, noise: float = 0.0, hypothesis: str = "energetic", **truth: float
 ) -> pd.DataFrame:
     """Add velocities after, each with an error of ``noise`` times the speed before."""
     rebounds = read_rebounds(touches, gyration_radius=GYRATION, measured=False)

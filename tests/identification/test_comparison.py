@@ -104,7 +104,7 @@ def test_recordings_are_drawn_and_held_out_as_a_whole() -> None:
     assert row["mean_high"] - row["mean_low"] > 1.5 * (alone["mean_high"] - alone["mean_low"])
 
 
-@pytest.mark.parametrize("level", [0.8, 0.95])
+@pytest.mark.parametrize("level", [pytest.param(0.8, marks=pytest.mark.slow), 0.95])
 def test_predictive_intervals_cover_new_impacts(level: float) -> None:
     """Oracle: the share of 2,000 new impacts; 300 fitted ones leave it uncertain by 1.3 % (.95) and 2.3 % (.8)."""
     model = impact_models()["energetic, rolling"]
@@ -153,18 +153,8 @@ def test_the_command_compares(tmp_path, capsys, monkeypatch) -> None:
     rng = np.random.default_rng(10)
     file, out = tmp_path / "rebounds.csv", tmp_path / "fit"
     rebounding(told_by_arms(rng, 24), rng, 0.02).to_csv(file, index=False)
-    command = [
-        "identify",
-        str(file),
-        "--gyration-radius",
-        str(GYRATION),
-        "--starts",
-        "2",
-        "--compare",
-        "--out",
-        str(out),
-    ]
-    assert main(command) == 0
+    options = ["--gyration-radius", str(GYRATION), "--starts", "2", "--compare", "--out", str(out)]
+    assert main(["identify", str(file), *options]) == 0
     assert "errors on rebounds held out" in capsys.readouterr().out
     assert set(pd.read_csv(out / "models.csv")["model"]) == set(impact_models())
     assert len(pd.read_csv(out / "errors.csv")) == 24

@@ -163,7 +163,7 @@ def test_a_fixed_parameter_stays() -> None:
     assert cost == pytest.approx(fit.problem.cost(np.array([1.0, 2.0])))
 
 
-@pytest.mark.parametrize(("slope", "least"), [(1.5, 0.87), (0.0, 0.9)])
+@pytest.mark.parametrize(("slope", "least"), [pytest.param(1.5, 0.87, marks=pytest.mark.slow), (0.0, 0.9)])
 def test_intervals_cover_at_their_level(slope: float, least: float) -> None:
     """At level .95, of 60 lines of 12 recordings whose points share an error; slope >= 0, so that 0 is a bound."""
     rng = np.random.default_rng(10)

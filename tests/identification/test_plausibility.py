@@ -76,13 +76,10 @@ def said(table: Table, **body: object) -> str:
     ],
     ids=["b", "u", "a", "omega", "degrees", "mm", "mm/s", "y down", "v", "exchanged"],
 )
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", range(2))
 def test_a_wrong_sign_or_unit_of_rebounds_is_named(spoil: Callable[[Table], Table], words: str, seed: int) -> None:
     assert words in said(spoil(by_arms(seed)), gyration_radius=GYRATION)
-
-
-def test_a_radius_of_gyration_in_mm_is_named() -> None:
-    assert "the radius of gyration were in mm" in said(by_arms(0), gyration_radius=1e3 * GYRATION)
+    assert "the radius of gyration were in mm" in said(by_arms(seed), gyration_radius=1e3 * GYRATION)
 
 
 def by_phi(body: sledenv.Body, seed: int = 2, noise: float = 0.0) -> Table:
@@ -145,7 +142,7 @@ def test_the_least_of_the_zeros_that_a_body_cannot_tell_apart_is_named() -> None
     assert "were larger by -0.2 rad (-11.5 degrees)" in found
 
 
-@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT, SKATE])
 def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body, seed: int) -> None:
     """Of a disc nothing could tell it; of the others noise and rolling resistance must not."""
@@ -169,7 +166,7 @@ def test_a_fit_that_explains_nothing_warns() -> None:
         assert any("80 rebounds differ from the fit by more than 0.1 of their speed" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(5))
 def test_nothing_is_said_of_sound_rebounds(seed: int) -> None:
     rng = np.random.default_rng(seed)
     laws = {"restitution": rng.uniform(0.2, 0.9), "friction": rng.uniform(0.0, 0.5), "rolling_arm": 0.0005}
@@ -215,12 +212,6 @@ def test_places_in_a_file_are_its_lines(tmp_path: Path, capsys: pytest.CaptureFi
         sledenv.identify(tmp_path / "poses.csv", SEGMENT, sledenv.Slope(0.1))
 
 
-@pytest.mark.parametrize("name", [{"film": 1}, ["film"]])
-def test_recordings_that_have_no_names_are_refused(name: object) -> None:
-    with pytest.raises(ValueError, match=r"recording, row 0: is .*, must be a text or a number"):
-        read_rebounds(by_arms(0).assign(recording=[name] * 80), gyration_radius=GYRATION)
-
-
 # --- poses over time -------------------------------------------------------------------------------------------------
 
 
@@ -250,7 +241,7 @@ def test_a_wrong_sign_or_unit_of_poses_is_named(spoil: Callable[[Table], Table],
         sledenv.identify(spoil(table), body, slope)
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_said_of_sound_poses(seed: int) -> None:
     table, body, slope = drops(seed)
     check_frame(body, slope, recordings_of(table, body.size))

@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -198,41 +199,35 @@ def test_a_disc_that_only_slips_one_way_says_nothing_of_its_spin() -> None:
     assert "these rebounds say nothing of rolling_arm: every value in its bounds is as good" in found.warnings
 
 
-def test_one_rebound_is_enough_for_one_parameter() -> None:
+def test_one_rebound_is_enough_for_one_parameter_and_refused_for_three() -> None:
+    """Any law that gives its three velocities would fit, so that no interval means anything."""
     found = identified(table(15, 1, 0.0), fixed={"friction": 0.15, "rolling_arm": 0.0006})
     assert found.values["restitution"] == pytest.approx(0.6, rel=1e-6)
     assert found.fit.covariance_kind == "model"
-
-
-def test_one_rebound_is_refused_for_three_parameters() -> None:
-    """Any law that gives its three velocities would fit, so that no interval means anything."""
     with pytest.raises(ValueError, match=r"1 rebounds: .* 3 parameters that are fitted \(restitution, friction, roll"):
         identified(table(15, 1, 0.0))
-    assert len(identified(table(15, 2, 0.0)).intervals) == 3
+
+
+FEW = "2 recordings do not show how errors vary between them: intervals suppose equal and independent errors of all 6 "
+ROWS_OF_FEW = table(15, 40, 0.01).assign(recording=np.repeat(["one", "two"], 20))
 
 
 @pytest.mark.parametrize(
-    ("n", "fixed", "words"),
+    ("given", "fixed", "words"),
     [
-        (
-            2,
-            {},
-            "2 recordings do not show how errors vary between them: intervals suppose equal and independent errors",
-        ),
-        (2, {}, "of all 6 velocities; record 10 or more, or fix parameters"),
-        (9, {}, "9 recordings leave 6 degrees of freedom: intervals may be too short; record 10 or more"),
-        (10, {}, ""),
-        (8, {"friction": 0.15, "rolling_arm": 0.0006}, ""),
+        (table(15, 2, 0.01), {}, f"{FEW}velocities; record 10 or more, or fix parameters"),
+        (table(15, 9, 0.01), {}, "9 recordings leave 6 degrees of freedom: intervals may be too short; record 10"),
+        (table(15, 10, 0.01), {}, ""),
+        (table(15, 8, 0.01), {"friction": 0.15, "rolling_arm": 0.0006}, ""),
+        (ROWS_OF_FEW, {}, "2 recordings do not show how errors vary between them"),
     ],
+    ids=["2", "9", "10", "8 of one parameter", "40 rows of 2"],
 )
-def test_intervals_of_few_recordings_come_with_a_warning(n: int, fixed: dict[str, float], words: str) -> None:
-    texts = [text for text in identified(table(15, n, 0.01), fixed=fixed).warnings if "recordings" in text]
+def test_intervals_of_few_recordings_come_with_a_warning(
+    given: pd.DataFrame, fixed: dict[str, float], words: str
+) -> None:
+    texts = [text for text in identified(given, fixed=fixed).warnings if "recordings" in text]
     assert any(words in text for text in texts) if words else not texts
-
-
-def test_rows_of_few_recordings_do_not_count_as_many() -> None:
-    found = identified(table(15, 40, 0.01).assign(recording=np.repeat(["one", "two"], 20)))
-    assert any("2 recordings do not show" in text for text in found.warnings)
 
 
 # --- tables ----------------------------------------------------------------------------------------------------------
@@ -242,8 +237,10 @@ def test_rows_of_few_recordings_do_not_count_as_many() -> None:
 def test_files_are_read_as_the_table_is(tmp_path, suffix: str) -> None:
     given, file = table(16, 30), tmp_path / f"rebounds{suffix}"
     given.to_csv(file, index=False) if suffix == ".csv" else given.to_parquet(file)
+    read, told = (read_rebounds(one, gyration_radius=GYRATION) for one in (file, given))
     # Before version 3 pandas reads the last digit of a decimal number wrongly.
-    assert identified(file).values == pytest.approx(identified(given).values, rel=1e-7)
+    assert read.contacts == pytest.approx(told.contacts, rel=1e-14)
+    assert read.after == pytest.approx(told.after, rel=1e-14)
 
 
 def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: str = "") -> pd.DataFrame:
@@ -255,22 +252,27 @@ def spoilt(column: str | None = None, row: int = 2, value: object = None, drop: 
 
 
 @pytest.mark.parametrize(
-    ("given", "error", "message"),
+    ("given", "message"),
     [
-        (spoilt(drop="u_after_m_s"), ValueError, "u_after_m_s: there is no such column; the table has 'a_m'"),
-        (spoilt().rename(columns={"b_m": "b"}), ValueError, "b_m: there is no such column, but b: a column is named w"),
-        (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), ValueError, "but omega_before_deg_s"),
-        (spoilt("v_before_m_s", value=np.nan), ValueError, "v_before_m_s, row 2: is nan, must be a finite number"),
-        (spoilt("omega_after_rad_s", value=np.inf), ValueError, "omega_after_rad_s, row 2: is inf"),
-        (spoilt("u_after_m_s", value="1,5"), ValueError, "u_after_m_s, row 2: is '1,5', must be a number, with a dec"),
-        (spoilt().assign(u_after_m_s=True), ValueError, "u_after_m_s: must be numbers, is of the type bool"),
-        (spoilt("v_before_m_s", value=1.5), ValueError, "row 2: the gap opens at"),
-        (spoilt().iloc[:0], ValueError, "the table has no rows"),
-        (spoilt().assign(recording=[None, *range(9)]), ValueError, "recording, row 0: there is no value"),
+        (spoilt(drop="u_after_m_s"), "u_after_m_s: there is no such column; the table has 'a_m'"),
+        (spoilt().rename(columns={"b_m": "b"}), "b_m: there is no such column, but b: a column is named w"),
+        (spoilt().rename(columns={"omega_before_rad_s": "omega_before_deg_s"}), "but omega_before_deg_s"),
+        (spoilt("v_before_m_s", value=np.nan), "v_before_m_s, row 2: is nan, must be a finite number"),
+        (spoilt("omega_after_rad_s", value=np.inf), "omega_after_rad_s, row 2: is inf"),
+        (spoilt("u_after_m_s", value="1,5"), "u_after_m_s, row 2: is '1,5', must be a number, with a dec"),
+        (spoilt().assign(u_after_m_s=True), "u_after_m_s: must be numbers, is of the type bool"),
+        (spoilt("v_before_m_s", value=1.5), "row 2: the gap opens at"),
+        (spoilt().iloc[:0], "the table has no rows"),
+        (spoilt().assign(recording=[None, *range(9)]), "recording, row 0: there is no value"),
+        # With such numbers squares overflow, and a cast would drop the imaginary part.
+        (spoilt("u_before_m_s", value=1e300), r"u_before_m_s, row 2: is 1e\+300, must be in \[-1e\+09, 1e\+09\]"),
+        (spoilt("a_m", value=-1e10), r"a_m, row 2: is -1e\+10, must be in \[-1e\+09, 1e\+09\]"),
+        (spoilt().assign(a_m=1 + 2j), "a_m: must be numbers, is of the type complex128"),
+        (spoilt().assign(recording=[{"name": 1}] * 10), "recording, row 0: is {'name': 1}, must be a text or"),
     ],
 )
-def test_a_bad_table_is_refused_by_column_and_row(given: pd.DataFrame, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
+def test_a_bad_table_is_refused_by_column_and_row(given: pd.DataFrame, message: str) -> None:
+    with pytest.raises(ValueError, match=message):
         identified(given)
 
 
@@ -290,10 +292,7 @@ def test_columns_that_are_there_twice_and_spaces_after_commas(tmp_path: Path) ->
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        (
-            10_000,
-            r"the table has 'c0', 'c1', 'c2', .*, 'c11' and 9988 more",
-        ),
+        (5_000, r"the table has 'c0', 'c1', 'c2', .*, 'c11' and 4988 more"),
         (1_000_000, "its first line has more than 100000 characters"),
     ],
 )
@@ -388,43 +387,25 @@ def test_a_fit_ends_where_a_cost_falls_by_its_rounding() -> None:
     assert intervals["restitution"].low <= 0.7 + 1e-4
 
 
-def test_a_body_or_a_radius_of_gyration() -> None:
-    for options in ({}, {"body": DISC, "gyration_radius": 0.1}):
-        with pytest.raises(ValueError, match="one of them must be given"):
-            sledenv.identify(table(18), **options)
-    with pytest.raises(ValueError, match=r"gyration_radius = 0\.0: must be in"):
-        sledenv.identify(table(18), gyration_radius=0.0)
-    with pytest.raises(ValueError, match="phi_rad: there is no such column"):
-        sledenv.identify(table(18), DISC)
-    with pytest.raises(ValueError, match="'mass' is no parameter"):
-        identified(table(18), fixed={"mass": 1.0})
-    with pytest.raises(ValueError, match="'mass' is no parameter"):
-        identified(table(18), bounds={"mass": (0.0, 1.0)})
-    with pytest.raises(ValueError, match="hypothesis = 'hertz'"):
-        identified(table(18), hypothesis="hertz")
-
-
 @pytest.mark.parametrize(
-    ("column", "value", "message"),
+    ("options", "message"),
     [
-        ("u_before_m_s", 1e300, "u_before_m_s, row 3: is 1e+300, must be in [-1e+09, 1e+09]"),
-        ("a_m", -1e10, "a_m, row 3: is -1e+10, must be in [-1e+09, 1e+09]"),
-        ("omega_after_rad_s", 1 + 2j, "omega_after_rad_s: must be numbers, is of the type complex128"),
-        ("recording", {"name": 1}, "recording, row 3: is {'name': 1}, must be a text or a number"),
+        ({}, "one of them must be given"),
+        ({"body": DISC, "gyration_radius": 0.1}, "one of them must be given"),
+        ({"body": DISC}, "phi_rad: there is no such column"),
+        ({"gyration_radius": 0.0}, r"identify\.gyration_radius = 0\.0: must be in"),
+        *(
+            ({"gyration_radius": radius}, r"identify\.gyration_radius = 1.*: must be in \[1e-09, 1e\+09\] m")
+            for radius in (1e200, 1e-200, 10**400)  # which nothing has
+        ),
+        ({"gyration_radius": GYRATION, "fixed": {"mass": 1.0}}, "'mass' is no parameter"),
+        ({"gyration_radius": GYRATION, "bounds": {"mass": (0.0, 1.0)}}, "'mass' is no parameter"),
+        ({"gyration_radius": GYRATION, "hypothesis": "hertz"}, "hypothesis = 'hertz'"),
     ],
 )
-def test_numbers_that_nothing_has_are_refused_by_name(column, value, message) -> None:
-    """Oracle: the message; with such numbers squares overflow, and a cast would drop the imaginary part."""
-    recorded = table(18).assign(recording=0).astype({"recording": object})
-    recorded[column] = [value if k == 3 else one for k, one in enumerate(recorded[column])]
-    with pytest.raises(ValueError, match=re.escape(message)):
-        identified(recorded)
-
-
-@pytest.mark.parametrize("radius", [1e200, 1e-200, 10**400])
-def test_a_radius_of_gyration_that_nothing_has_is_refused_by_name(radius) -> None:
-    with pytest.raises(ValueError, match=r"identify\.gyration_radius = 1.*: must be in \[1e-09, 1e\+09\] m"):
-        sledenv.identify(table(18), gyration_radius=radius)
+def test_wrong_arguments_are_refused_by_name(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(ValueError, match=message):
+        sledenv.identify(table(18), **options)
 
 
 def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
@@ -515,9 +496,6 @@ def test_an_orientation_without_a_radius_names_the_option(tmp_path, capsys, colu
     error = capsys.readouterr().err
     assert "--radius: is missing, and phi_rad needs it" in error
     assert "of a disc or a segment; any other body goes by sledenv.identify(FILE, body" in error
-
-
-def test_the_help_says_which_bodies_it_takes(capsys) -> None:
     assert main(["identify", "--help"]) == 0
     told = " ".join(capsys.readouterr().out.split())
     assert "phi_rad is that of a disc or a segment" in told

@@ -233,22 +233,6 @@ def swings(side: np.ndarray, flat: np.ndarray) -> np.ndarray:
     return known[1:][side[known[1:]] != side[known[:-1]]]
 
 
-@SOLVERS
-@pytest.mark.parametrize("speed", [8.0, -8.0])
-def test_a_body_that_trips_goes_back_onto_its_arc(speed: float, solver: Solver) -> None:
-    """Oracle: what turns it over the corner ahead exceeds what it takes to lift the mass centre over that."""
-    height, half = corners(BARREL)
-    assert 0.5 * speed**2 > GRAVITY * (math.hypot(height, half) - height)
-    law = law_of(1.2 * half / height)
-    descent = simulate(BARREL, law, Slope(0.0), laid(BARREL, speed), solver=solver, record="trajectory")
-    features = descent.trajectory["feature"]
-    touched = features[features != Feature.NONE].tolist()
-    arc = touched.index(Feature.ARC)
-    ahead = Feature.TAIL if speed > 0.0 else Feature.NOSE
-    assert set(touched[:arc]) <= {Feature.CHORD, ahead}
-    assert touched[arc - 1] == ahead
-
-
 # --- random descents -------------------------------------------------------------------------------------------------
 
 

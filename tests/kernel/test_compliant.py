@@ -433,21 +433,6 @@ def test_a_body_at_rest_on_a_nearly_level_slope_jams(angle: float) -> None:
     assert descent.status == Status.JAMMED
 
 
-def test_a_contact_that_ends_on_another_feature_is_continuous() -> None:
-    """Oracle: momentum: u, v and omega change by the impulses alone while the contact passes from arc to corner."""
-    body = segment(1.0, 0.5, 0.2, 0.08, 2.0)
-    law = ContactLaw(2e4, 0.3, 0.4, 0.01, 0.0)
-    before = State(0.0, support_height(body, 1.98), 1.98, -2.0, -1.0, 12.0)
-    descent = exactly(body, law, LEVEL, before, max_rebounds=1, record="trajectory", sample_interval=1e-4)
-    row = descent.rebounds[0]
-    touched = descent.trajectory["feature"]
-    assert set(touched[touched != Feature.NONE].tolist()) == {Feature.ARC, Feature.TAIL}
-    assert row["feature"] == Feature.ARC
-    assert row["u_after"] - row["u_before"] == pytest.approx(row["tangential_impulse"], abs=1e-13)
-    assert row["v_after"] - row["v_before"] == pytest.approx(row["normal_impulse"], abs=1e-13)
-    assert abs(descent.energy.residual) < 1e-13 * descent.energy.turnover
-
-
 def test_a_flat_arc_may_be_pressed_in_deeper_than_both_its_ends() -> None:
     """Oracle: by hand: both ends lie r (1 - cos alpha) above the lowest point; conservation of energy."""
     half_angle = 0.003

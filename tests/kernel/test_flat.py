@@ -17,7 +17,7 @@ from sledenv.simulation.shapes import circular_segment, polygon, rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 
-COUNTS = pytest.mark.parametrize("count", [8, pytest.param(200, marks=pytest.mark.jit_only)])
+COUNTS = pytest.mark.parametrize("count", [8, pytest.param(200, marks=[pytest.mark.slow, pytest.mark.jit_only])])
 PLASTIC = math.nextafter(1.0, 0.0)  # asymmetry of next to no restitution
 LEVEL = Slope(0.0)
 

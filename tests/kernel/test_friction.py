@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 from sledenv import segment
 from sledenv.kernel import mode
 from sledenv.kernel.geometry import ARC_PIECE
-from tests.compiled import compiled
 from tests.engine import Spring, incline, new_space, pieces_of, put, record_of, touch
 
 Signs = tuple[int, int]
-choose_mode, PLANE = compiled(mode.choose), pieces_of([])
+choose_mode, PLANE = mode.choose, pieces_of([])
 SIGNS = (-1, 0, 1)
 arms = st.floats(-1.0, 1.0)
 heights = st.floats(0.05, 1.0)

@@ -14,7 +14,7 @@ from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import directions, support_height, within_a_turn
 from tests.bodies import rod, touching
-from tests.oracles import outline_heights, support
+from tests.oracles import support
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 POINT = segment(1.0, 0.0, 0.0, 0.02)
@@ -26,14 +26,6 @@ BODIES = [DISC, POINT, SEGMENT, SHALLOW, LOPSIDED, ROD]
 CORNERED = [SEGMENT, SHALLOW, LOPSIDED, ROD]
 ANGLES = st.floats(-math.pi, math.pi)
 bodies = st.sampled_from(BODIES)
-
-
-@given(bodies, st.floats(-30.0, 30.0))
-def test_support_height_is_that_of_the_outline(body: Segment, phi: float) -> None:
-    """Oracle: the lowest of 20001 points of the outline, whose arc sags by r (step)^2/8 at most between two of them."""
-    sag = body.radius * (2.0 * body.half_angle / 20000) ** 2 / 8.0
-    lowest = -outline_heights(body, phi, 20001).min()
-    assert lowest - 1e-14 <= support_height(body, phi) <= lowest + sag + 1e-14
 
 
 @given(bodies, st.floats(-30.0, 30.0))
@@ -95,29 +87,6 @@ def test_whole_turns_change_nothing(body: Segment, phi: float, turns: int) -> No
     assert abs(within_a_turn(np.array([many]))[0]) <= math.pi
     rounding = 4e-16 * (abs(many) + 4.0) * (body.radius + body.eccentricity)
     assert abs(support_height(body, many) - support_height(body, phi)) <= 2.0 * rounding
-
-
-def test_only_an_arc_with_two_ends_has_corners() -> None:
-    """Oracle: a full disc and a point have none."""
-    assert [len(body.arcs) for body in BODIES] == [1, 1, 3, 3, 3, 3]
-
-
-@pytest.mark.parametrize("body", CORNERED)
-def test_a_corner_is_as_far_away_as_the_end_of_the_arc(body: Segment) -> None:
-    """Oracle: the distance of the corner from the mass centre, by Pythagoras."""
-    across = body.radius * math.sin(body.half_angle)
-    above = body.eccentricity - body.radius * math.cos(body.half_angle)
-    (record,) = body.record
-    reach = pytest.approx(math.hypot(across, above), rel=1e-15)
-    assert record["h"][:3].tolist() == [reach, body.eccentricity, reach]
-    assert record["r"][:3].tolist() == [0.0, body.radius, 0.0]
-
-
-@pytest.mark.parametrize("body", BODIES)
-def test_lowest_support_is_the_least_height_over_all_poses(body: Segment) -> None:
-    """Oracle: 40001 poses, flat or on the chord included."""
-    heights = support(body, np.append(np.linspace(-math.pi, math.pi, 40001), [0.0, math.pi]))
-    assert body.lowest_support == pytest.approx(heights.min(), abs=1e-9)
 
 
 def test_a_direction_does_not_depend_on_how_many_there_are():

@@ -15,10 +15,9 @@ from scipy.optimize import linprog, lsq_linear
 from sledenv.kernel import mode
 from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
 from sledenv.kernel.params import Incline
-from tests.compiled import compiled
 from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
 
-choose = compiled(mode.choose)
+choose = mode.choose  # as plain Python: to compile it takes longer than to call it some hundred times
 BLOCK = record_of(BODIES["block"])
 PLANE, ROOF = pieces_of([]), pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])
 MASSES = np.array([BLOCK["mass"], BLOCK["mass"], BLOCK["inertia"]], dtype=float)

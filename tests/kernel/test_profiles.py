@@ -79,7 +79,7 @@ def mirrored(case: Case) -> Case:
     return Case(case.name, body, case.law, slope, sledenv.State(-x, y, -phi, -u, v, -omega))
 
 
-@pytest.mark.parametrize("number", range(12))
+@pytest.mark.parametrize("number", range(4))
 def test_the_mirror_image_of_a_ride_is_the_ride_of_the_mirror_image(number: int) -> None:
     """Oracle: symmetry; three contacts, whose error grows from one to the next."""
     case = random_case((11, number), zoned=True, length=math.inf)
@@ -87,20 +87,6 @@ def test_the_mirror_image_of_a_ride_is_the_ride_of_the_mirror_image(number: int)
     assert one.status == other.status
     np.testing.assert_allclose(after(other), after(one) * [-1.0, 1.0, -1.0], rtol=0.0, atol=1e-8)
     np.testing.assert_allclose(after(other)[:1], after(one)[:1] * [-1.0, 1.0, -1.0], rtol=0.0, atol=1e-10)
-
-
-@pytest.mark.parametrize("kind", BODIES)
-def test_how_a_straight_face_is_cut_changes_no_bit(kind: str) -> None:
-    """Oracle: vertices without a turn are none."""
-    cut = [(-50.0, 0.0), (1.0, 0.0), (4.0, 0.0), (5.0, 0.25), (5.5, 0.375), (6.0, 0.5), (6.25, 0.5), *BUMP[3:]]
-    launch = sledenv.State(0.0, 1.5, 0.2, 6.0, 0.0, 1.0)
-    one, other = (
-        sledenv.simulate(BODIES[kind], LAW, sledenv.Slope(0.1, profile=profile), launch, max_time=3.0)
-        for profile in (BUMP, cut)
-    )
-    same_bits(one.rebounds, other.rebounds)
-    assert one.state == other.state
-    assert one.outcome["steps"] == other.outcome["steps"]
 
 
 @pytest.mark.parametrize("kind", BODIES)
@@ -166,7 +152,7 @@ def test_ground_that_ends_lower_supplies_as_much_more(fall: float) -> None:
 
 
 @pytest.mark.parametrize("radius", [0.5, 0.03])
-@pytest.mark.parametrize("degrees", [2.0, 5.0, 15.0, 20.0])
+@pytest.mark.parametrize("degrees", [2.0, 20.0])
 def test_a_disc_that_slides_into_a_dip_loses_what_points_into_the_ramp(radius: float, degrees: float) -> None:
     """Oracle: V cos(turn) along the ramp and e V sin(turn) normal to it; exact without gravity."""
     turn, speed = math.radians(degrees), 5.0
@@ -216,8 +202,7 @@ def test_a_disc_at_rest_in_a_dip_presses_on_both_sides(degrees: float, arm: floa
     assert sorted(contacts["ground"].tolist()) == [2, 4]  # the pieces before and behind vertex 1
 
 
-@pytest.mark.parametrize("radius", [12.0, 20.0, 40.0, 80.0])
-@pytest.mark.parametrize("speed", [5.0, 10.0])
+@pytest.mark.parametrize(("radius", "speed"), [(12.0, 5.0), (40.0, 10.0)])
 def test_the_sled_rides_through_a_round_dip_however_it_is_cut(radius: float, speed: float) -> None:
     """Oracle: a chord lies within cut^2/(8 R) of the arc, so finer cuts come nearer to one path."""
     law = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e7, friction=0.005, rolling_arm=0.0)

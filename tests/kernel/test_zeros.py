@@ -91,6 +91,7 @@ def test_a_polynomial_is_positive_before_its_first_zero(
     real: list[float], pairs: list[tuple[float, float]], end: float
 ) -> None:
     """Oracle: exact values at 200 places before the zero, or before the end where there is none; roots may be close."""
+    assume(all(abs(root - 1.0) > 1e-9 for root in real))  # at the end of the step rounding decides
     p = in_units_of(end, with_roots(real, [pair for pair in pairs if math.hypot(*pair) > 0.01]))
     found = zero_of(p, end)
     assert 0.0 <= found < end or found == math.inf

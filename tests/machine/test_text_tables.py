@@ -17,11 +17,7 @@ def test_markdown_has_a_line_a_row_after_its_names() -> None:
 
 
 def test_lines_are_as_wide_as_the_longest_cell_of_each_column() -> None:
-    assert aligned(ROWS, ("<", ">", "<")) == [
-        "name     value",
-        "a          1.5  low",
-        "longer  -10.25",
-    ]
+    assert aligned(ROWS, ("<", ">", "<")) == ["name     value", "a          1.5  low", "longer  -10.25"]
 
 
 def test_columns_have_a_least_width_and_the_last_is_that_of_all_others() -> None:

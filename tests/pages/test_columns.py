@@ -88,14 +88,6 @@ def test_the_orientation_of_a_rebound_is_that_at_touchdown(solver: Solver) -> No
         assert turns == pytest.approx(round(turns), abs=1e-12)
 
 
-def test_rebounds_that_were_simulated_give_their_law_back() -> None:
-    """Oracle: the law of the scenario; surfaces were rigid, as the fit of rebounds supposes."""
-    one = descent()
-    found = sledenv.identify(pd.DataFrame(rebound_columns(one)), one.body, starts=4)
-    assert found.values["restitution"] == pytest.approx(one.law.restitution, rel=1e-6)
-    assert found.values["friction"] == pytest.approx(one.law.friction, rel=1e-5)
-
-
 def test_tables_of_descents_are_those_of_the_command_with_numbers_of_recordings() -> None:
     one = descent()
     for table, columns in (

@@ -336,7 +336,7 @@ def test_a_body_rests_on_the_ground_as_in_python(tmp_path: Path) -> None:
     """Oracle: ``resting_heights``, of bodies at random places of random profiles, up to rounding."""
     cases: list[dict[str, Any]] = []
     expected = []
-    for number in range(15):
+    for number in range(60):
         case, rng = random_case((5, number), planes=False), np.random.default_rng(number)
         x, angles = rng.uniform(-1.0, 30.0), rng.uniform(-math.pi, math.pi, 5)
         given = descent_input(case.body, case.law, Slope(0.1, 55.0), State(0.0, 10.0, 0.0))

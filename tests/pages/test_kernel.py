@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import base64
 import hashlib
+import itertools
 import json
 import math
 import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from sledenv.kernel.entries import LIBRARY
 from sledenv.pages import kernel
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.settings import DEFAULT, Settings
 from sledenv.simulation.shapes import circular_segment, hull, polygon
@@ -116,39 +118,56 @@ def _numbers(descent: Descent) -> Iterator[Any]:
         yield from (table[name] for name in table.dtype.names if name != "contacts")
 
 
-def _compare(count: int, seed: int, folder: Path) -> None:
-    rng = np.random.default_rng(seed)
-    cases = [_case(rng) if number % 5 else _ride(seed, number) for number in range(count)]
-    given = json.dumps([kernel.descent_input(*case) for case in cases]).encode()
-    found = in_node(given, folder)
-    place = rebounds = 0
-    for case in cases:
-        *scene, settings = case
-        descent = simulate(*scene, settings, record="trajectory")
-        expected = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
-        there = found[place : place + len(expected)]
-        # By their bits, so that signs of zeros count; not those of NaN, whose bits no processor promises.
-        same = (there.view(np.int64) == expected.view(np.int64)) | (np.isnan(there) & np.isnan(expected))
-        assert same.all(), case
-        place, rebounds = place + len(expected), rebounds + len(descent.rebounds)
-    assert place == len(found)
-    assert rebounds > 2 * count  # there is something to compare
-
-
 @needs_node
 @pytest.mark.jit_only
-def test_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
+@pytest.mark.parametrize(("count", "seeds"), [(60, [1]), pytest.param(200, range(2, 27), marks=pytest.mark.slow)])
+def test_descents_in_node_have_the_bits_of_python(count: int, seeds: Sequence[int], tmp_path: Path) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
-    _compare(60, 1, tmp_path)
+    for seed in seeds:
+        rng = np.random.default_rng(seed)
+        cases = [_case(rng) if number % 5 else _ride(seed, number) for number in range(count)]
+        found = in_node(json.dumps([kernel.descent_input(*case) for case in cases]).encode(), tmp_path)
+        place = rebounds = 0
+        for case in cases:
+            *scene, settings = case
+            descent = simulate(*scene, settings, record="trajectory")
+            expected = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
+            there = found[place : place + len(expected)]
+            # By their bits, so that signs of zeros count; not those of NaN, whose bits no processor promises.
+            same = (there.view(np.int64) == expected.view(np.int64)) | (np.isnan(there) & np.isnan(expected))
+            assert same.all(), case
+            place, rebounds = place + len(expected), rebounds + len(descent.rebounds)
+        assert place == len(found)
+        assert rebounds > 2 * count  # there is something to compare
+
+
+def _flown(number: int, rng: np.random.Generator) -> tuple[dict[str, Any], Descent]:
+    """A ride with random trims over dips and crests: what the page is given, and how it ends."""
+    body, law, slope, launch, settings = _ride(7, number)
+    rotor, shortest = rng.uniform(1.0, 10.0), rng.choice([0.0, 0.1])
+    ride = Ride(body, law, slope, launch, settings, record="trajectory", rotor_inertia=rotor, shortest_flight=shortest)
+    ride.await_flight()
+    spins = []
+    while ride.status == "running":
+        spins.append(rng.uniform(-2.0, 2.0))
+        ride.trim(spins[-1])
+        ride.hop()
+    given = kernel.descent_input(body, law, slope, launch, settings)
+    given["limits"]["shortest_flight"] = shortest
+    return given | {"ride": {"rotor_inertia": rotor, "spins": spins}}, ride.descent()
 
 
 @needs_node
-@pytest.mark.slow
 @pytest.mark.jit_only
-def test_many_descents_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
-    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
-    for seed in range(2, 27):
-        _compare(200, seed, tmp_path)
+def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
+    """Oracle: ``Ride``, in every number of ledger, rebounds and trajectory."""
+    rng = np.random.default_rng(11)
+    cases, descents = zip(*(_flown(number, rng) for number in range(40)), strict=True)
+    found = in_node(json.dumps(cases).encode(), tmp_path)
+    expected = np.concatenate([np.asarray(part, float) for descent in descents for part in _numbers(descent)])
+    same = (found.view(np.int64) == expected.view(np.int64)) | (np.isnan(found) & np.isnan(expected))
+    assert same.all()
+    assert sum(len(case["ride"]["spins"]) for case in cases) > 80  # there is something to compare
 
 
 # Runs descents in a page; a digest of all numbers of each, in the order of kernels.mjs. NaN has one form.
@@ -170,20 +189,6 @@ IN_PAGE = """
 """
 
 
-def _compare_in_page(count: int, seed: int, page: Browser) -> None:
-    rng = np.random.default_rng(seed)
-    for _ in range(count // 20):
-        cases = [_case(rng) if number % 5 else _ride(seed, int(rng.integers(10**6))) for number in range(20)]
-        given = json.loads(json.dumps([kernel.descent_input(*case) for case in cases]))
-        found = page.run("return digests(arguments[0])", given)
-        for case, digest in zip(cases, found, strict=True):
-            *scene, settings = case
-            descent = simulate(*scene, settings, record="trajectory")
-            numbers = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
-            numbers[np.isnan(numbers)] = np.nan
-            assert digest == hashlib.sha256(numbers.astype("<f8").tobytes()).hexdigest(), case
-
-
 @pytest.fixture
 def kernel_page(chromium: Browser, tmp_path: Path) -> Browser:
     """A page that has the kernel and nothing else."""
@@ -198,18 +203,20 @@ def kernel_page(chromium: Browser, tmp_path: Path) -> Browser:
 
 @needs_chromium
 @pytest.mark.jit_only
-def test_descents_in_chromium_have_the_bits_of_python(kernel_page: Browser) -> None:
+@pytest.mark.parametrize(("count", "seeds"), [(40, [101]), pytest.param(200, range(102, 127), marks=pytest.mark.slow)])
+def test_descents_in_chromium_have_the_bits_of_python(count: int, seeds: Sequence[int], kernel_page: Browser) -> None:
     """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
-    _compare_in_page(40, 101, kernel_page)
-
-
-@needs_chromium
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_many_descents_in_chromium_have_the_bits_of_python(kernel_page: Browser) -> None:
-    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory."""
-    for seed in range(102, 127):
-        _compare_in_page(200, seed, kernel_page)
+    for seed, part in itertools.product(seeds, range(count // 20)):
+        rng = np.random.default_rng((seed, part))
+        cases = [_case(rng) if number % 5 else _ride(seed, int(rng.integers(10**6))) for number in range(20)]
+        given = json.loads(json.dumps([kernel.descent_input(*case) for case in cases]))
+        found = kernel_page.run("return digests(arguments[0])", given)
+        for case, digest in zip(cases, found, strict=True):
+            *scene, settings = case
+            descent = simulate(*scene, settings, record="trajectory")
+            numbers = np.concatenate([np.asarray(part, float) for part in _numbers(descent)])
+            numbers[np.isnan(numbers)] = np.nan
+            assert digest == hashlib.sha256(numbers.astype("<f8").tobytes()).hexdigest(), case
 
 
 def test_default_limits_travel_with_the_kernel() -> None:

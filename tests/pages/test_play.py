@@ -18,6 +18,7 @@ import numpy as np
 import pytest
 
 import sledenv
+from sledenv import Arc, Body
 from sledenv.pages.columns import rebound_columns
 from sledenv.pages.kernel import KERNEL
 from sledenv.pages.play import Mark, Played, play_page
@@ -75,7 +76,7 @@ def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of() -> None:
     bodies = json.loads(data["exact"])["bodies"]
     assert len(bodies) > len(load_scenario(own_scenario("boulders")).all_bodies()) > 1
     for body in bodies:
-        made = eval(body["python"], {"sledenv": sledenv})
+        made = eval(body["python"], {"sledenv": sledenv, "Arc": Arc, "Body": Body})
         assert [body["given"]["mass"], body["given"]["inertia"]] == [made.mass, made.inertia]
         for k, arc in enumerate(body["given"]["arcs"]):
             assert all(value == made.record[name][0, k] for name, value in arc.items())
@@ -217,6 +218,7 @@ def test_lines_of_python_spell_a_body_that_has_no_name(chromium: Browser, tmp_pa
 @pytest.mark.jit_only
 def test_what_is_typed_is_simulated(page: Browser) -> None:
     """Oracle: ``simulate`` with a body, a law, a slope and a launch of these numbers."""
+    page.click("[data-remove]")  # the zone of the scenario
     select(page, "body", "1")
     typed = {
         **{"orientation": 12.5, "spin": -1.25, "speed": 9.0, "fall": 0.5, "drop": 0.4, "angle": 9.0, "length": 15.0},
@@ -243,9 +245,12 @@ def test_what_is_typed_is_simulated(page: Browser) -> None:
 def test_zones_are_simulated_and_wrong_ones_named(page: Browser) -> None:
     """Oracle: ``simulate`` with the same zones."""
     scenario, context = drawn("sled_snow")
+    law, slope = scenario.law(context), scenario.slope(context)
+    (own,) = slope.zones
+    page.click("[data-remove]")
+    wait_until(page, "!asking && shown.scene.slope.zones.length === 0")
     page.click("#add")
     wait_until(page, "!asking && shown.scene.slope.zones.length === 1")
-    law, slope = scenario.law(context), scenario.slope(context)
     (given,) = page.run("return shown.scene.slope.zones.map(zone => ZONE.map(name => String(zone[name])))")
     zone = Zone(*map(float, given))
     assert zone.friction > law.friction
@@ -260,8 +265,8 @@ def test_zones_are_simulated_and_wrong_ones_named(page: Browser) -> None:
     )
     wait_until(page, "!asking")
     assert "must end behind its begin" in page.text("#problem")
-    page.click("[data-remove]")
-    wait_until(page, "!asking && shown.scene.slope.zones.length === 0")
+    page.click("#reset")
+    wait_until(page, f"!asking && shown.scene.slope.zones[0].begin === {own.begin!r}")
     assert_same(page, in_python(scenario, context))
 
 

@@ -27,26 +27,21 @@ from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
-from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from sledenv.simulation.words import mode_name
-from tests.bodies import rod
+from tests.bodies import HILL, ICE, SLED, rod, run
 from tests.browser import Browser, at_speed, data_of, needs_chromium, patient, wait_until
 from tests.pages.test_play import assert_same, numbers, run_lines, told_result, visit
 from tests.plot.outlined import RIDDEN, descent_of
 
-SLED = circular_segment(100.0, 0.5, math.radians(110.0))
-ICE = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.05, rolling_arm=0.005)
-HILL = Slope(0.15, 10.0)
 ZONED = Slope(0.15, 10.0, zones=(Zone(1.0, 3.0, 0.3, 0.02), Zone(6.0, math.inf, 0.01, 0.0)))
 MOST_BYTES = 700_000
 TEMPLATES = Path(html.__file__).parent / "templates"
 
 
 def dropped(body: Body = SLED, slope: Slope = HILL, **options: Any) -> Descent:
-    launch = State(0.0, 0.5 + support_height(body, 0.2), 0.2, 3.0, 0.0, 0.5)
-    return simulate(body, ICE, slope, launch, record="trajectory", **options)
+    return run(body, ICE, slope, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), **options)
 
 
 @pytest.fixture(scope="module")

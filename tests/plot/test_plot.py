@@ -25,7 +25,7 @@ from sledenv.plot.style import plain
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.outlines import Arc, arms_of, mass_properties
+from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.shapes import rod as round_rod
@@ -67,49 +67,22 @@ def shoelace(points: np.ndarray) -> tuple[float, np.ndarray]:
     return area, np.array([((x + x1) * cross).sum(), ((y + y1) * cross).sum()]) / (6.0 * area)
 
 
-@pytest.mark.parametrize("half_angle", [0.3, 1.0, math.pi / 2, 2.5, math.pi])
-@pytest.mark.parametrize("phi", [0.0, 0.7, -2.0, 11.0])
-def test_an_outline_is_the_segment_between_an_arc_and_its_chord(half_angle: float, phi: float) -> None:
-    """Oracle: area r^2 (alpha - sin alpha cos alpha) and centroid of a circular segment, which is its mass centre."""
-    body = circular_segment(1.0, 0.4, half_angle)
-    points = shapes.body_outline(body, 3.0, 2.0, phi, 2001)
-    area, centroid = shoelace(points)
-    assert area == pytest.approx(0.16 * (half_angle - math.sin(half_angle) * math.cos(half_angle)), rel=1e-4)
-    assert centroid == pytest.approx([3.0, 2.0], abs=1e-6)
-    centre = shapes.arc_centre(body, 3.0, 2.0, phi)
-    assert np.hypot(*(points - centre).T) == pytest.approx(0.4)
-    chord = math.dist(points[-2], points[-1])
-    assert chord == pytest.approx(0.8 * math.sin(half_angle), abs=1e-9)
-
-
-@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, *OTHERS.values()], ids=["disc", "segment", "sled", *OTHERS])
-def test_the_lowest_point_of_an_outline_touches_where_the_kernel_says(body: Body) -> None:
-    """Oracle: the support height of the kernel."""
+@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD, *OTHERS.values()])
+def test_an_outline_is_convex_and_touches_where_the_kernel_says(body: Body) -> None:
+    """Oracle: the support height of the kernel, in all directions, which is all that there is of a convex outline."""
     for phi in np.linspace(-7.0, 7.0, 57).tolist():
-        points = shapes.body_outline(body, 0.0, 1.0, phi, 4001)
+        points = shapes.body_outline(body, 3.0, 1.0, phi, 4001)
         assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
+    assert points[0].tolist() == points[-1].tolist()
+    edges = np.diff(points, axis=0)
+    assert np.hypot(*edges.T).min() > 1e-6 or body in (DISC, SEGMENT, SLED, ROD)  # whose last point may come twice
+    turns = edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1)
+    assert turns.min() > -1e-12  # counterclockwise
+    assert body.size == pytest.approx(np.hypot(*(points - (3.0, 1.0)).T).max(), rel=1e-5)
 
 
 def test_a_point_is_drawn_where_it_is() -> None:
     assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_any_other_outline_is_closed_convex_and_around_its_mass_centre(name: str) -> None:
-    """Oracle: area and centroid in closed form; the outline of a line has neither."""
-    body = OTHERS[name]
-    points = shapes.body_outline(body, 3.0, 2.0, 0.7, 2001)
-    assert points[0].tolist() == points[-1].tolist()
-    edges = np.diff(points, axis=0)
-    assert np.hypot(*edges.T).min() > 1e-6
-    turns = edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1)
-    assert turns.min() > -1e-12  # counterclockwise
-    if name != "line":
-        area, centroid = shoelace(points)
-        expected, (x, y), _ = mass_properties(body.arcs)
-        assert area == pytest.approx(expected, rel=1e-5)
-        turned = x * math.cos(0.7) - y * math.sin(0.7), x * math.sin(0.7) + y * math.cos(0.7)
-        assert centroid - (3.0, 2.0) == pytest.approx(turned, abs=1e-5)
 
 
 def test_an_outline_has_few_points_where_few_will_do() -> None:
@@ -118,12 +91,6 @@ def test_an_outline_has_few_points_where_few_will_do() -> None:
     assert len(shapes.body_outline(RIDER, 0.0, 0.0, 0.0)) < 64
     assert len(shapes.body_outline(LINE, 0.0, 0.0, 0.0)) == 3
     assert shapes.body_outline(Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]), 1.0, 2.0, 0.5).tolist() == 2 * [[1.0, 2.0]]
-
-
-@pytest.mark.parametrize("body", [DISC, SEGMENT, SLED, ROD, *OTHERS.values()])
-def test_the_size_is_the_distance_of_the_farthest_point(body: Body) -> None:
-    distances = np.hypot(*shapes.body_outline(body, 0.0, 0.0, 1.2, 4001).T)
-    assert body.size == pytest.approx(distances.max(), rel=1e-5)
 
 
 @pytest.mark.parametrize("half_angle", [0.3, 0.61, 1.2, math.pi / 2, 1.9, math.pi])
@@ -147,7 +114,7 @@ def test_the_heavy_side_holds_the_mass_centre() -> None:
 def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
     """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
     body = OTHERS[name]
-    for phi in (0.0, 2.2):
+    for phi in (2.2,):
         whole, lower = (draw(body, 3.0, 2.0, phi, 401) for draw in (shapes.body_outline, shapes.heavy_side))
         up = np.array([-math.sin(phi), math.cos(phi)])
         assert lower[0].tolist() == lower[-1].tolist()
@@ -209,20 +176,6 @@ def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
     assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
     outside = states_at(rows, [-1.0, 1e9])
     assert outside == pytest.approx(states[[0, -1]])
-
-
-def test_contacts_begin_under_the_touching_feature(slides: Descent) -> None:
-    """Oracle: the arm of the arc that touches, in the first row of the trajectory in contact."""
-    rows = slides.trajectory
-    paths = shapes.contact_paths(slides)
-    assert len(paths) == len(slides.rebounds) > 2
-    for rebound, path in zip(slides.rebounds, paths, strict=True):
-        begin = path[0, 0]
-        assert (path[:, 1] == 0.0).all()
-        row = rows[np.argmin(np.abs(rows["t"] - (rebound["t"] - rebound["duration"])))]
-        assert row["feature"] == rebound["feature"]
-        (arc,) = (arc for arc in SEGMENT.arcs if arc.part == SEGMENT.parts[rebound["feature"] - 1])
-        assert begin == pytest.approx(row["x"] - arms_of(arc, row["phi"])[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
@@ -407,7 +360,7 @@ def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_c
     """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
     rng = np.random.default_rng(1)
     seen = set()
-    for _ in range(60):
+    for _ in range(25):
         law = ContactLaw(1e6, 0.5, rng.uniform(0.0, 1.5), *rng.uniform(0.0, 0.05, 2))
         state = State(0.0, 0.0, rng.uniform(-3.0, 3.0), rng.uniform(-2.0, 2.0), -5.0, rng.uniform(-4.0, 4.0))
         impact = sledenv.rigid_impact(body, law, state)
@@ -540,7 +493,11 @@ def pixels(figure: Figure) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "name", ["no time passed", "jammed at launch", "no end", "far away", "uphill", "overflow", "rod", "point"]
+    "name",
+    [
+        *("no time passed", "jammed at launch", "overflow", "point"),
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("no end", "far away", "uphill", "rod")),
+    ],
 )
 def test_ugly_descents_are_drawn(name: str) -> None:
     body, law, slope, launch, options = UGLY[name]
@@ -552,7 +509,14 @@ def test_ugly_descents_are_drawn(name: str) -> None:
         figure.savefig(io.BytesIO(), dpi=40)
 
 
-@pytest.mark.parametrize(("name", "solver"), [("boulder", "compliant"), ("rider", "compliant"), ("line", "rigid")])
+@pytest.mark.parametrize(
+    ("name", "solver"),
+    [
+        ("line", "rigid"),
+        pytest.param("boulder", "compliant", marks=pytest.mark.slow),
+        pytest.param("rider", "compliant", marks=pytest.mark.slow),
+    ],
+)
 def test_descents_of_any_body_are_drawn(name: str, solver: str) -> None:
     """Oracle: the poses of a strobe picture have the outline of the body; energy is conserved."""
     descent = descent_of(name, solver)

@@ -211,7 +211,9 @@ def test_the_legend_of_a_strobe_figure_tells_how_far_poses_are_apart(ride: Desce
     assert np.median(np.diff(times)) == pytest.approx(interval)
 
 
-def test_every_figure_of_a_descent_is_drawn(ride: Descent) -> None:
+@pytest.mark.parametrize("name", ["rock", pytest.param("sled", marks=pytest.mark.slow)])
+def test_every_figure_of_a_descent_is_drawn(name: str) -> None:
+    ride = ride_of(name)
     figures = [
         draw(ride)
         for draw in (

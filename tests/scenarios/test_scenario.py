@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import pytest
 import yaml
 from hypothesis import given
@@ -163,7 +164,6 @@ BOUNDS = "must be a pair [low, high] of numbers in"
     ],
 )
 def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: str, value: Any, message: str) -> None:
-    """Oracle: the message, word for word."""
     (line,) = problems(changed(**{path: value}))
     identity = value if path == "id" else "example"
     assert line.startswith(f"scenario {identity}: ")
@@ -184,7 +184,6 @@ def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: s
     ],
 )
 def test_an_unknown_key_or_a_wrong_unit_is_answered_with_the_nearest_key(path: str, expected: str) -> None:
-    """Oracle: the message."""
     (line,) = problems(changed(**{path: 1}))
     assert line.startswith(f"scenario example: {expected}")
 
@@ -201,7 +200,6 @@ def test_every_problem_is_reported_at_once() -> None:
     [({"contact__asymmetry": 0.5}, "both are given"), ({"contact__restitution": DELETE}, "both are missing")],
 )
 def test_restitution_and_asymmetry_exclude_each_other(changes: dict[str, Any], have: str) -> None:
-    """Oracle: the message."""
     assert problems(changed(**changes)) == [
         f"scenario example: contact: must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}"
     ]
@@ -221,12 +219,10 @@ def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_g
 
 @pytest.mark.parametrize("content", [None, [], 3, own_scenario("ice_drop")])
 def test_what_is_no_mapping_is_no_scenario(content: Any) -> None:
-    """Oracle: the message."""
     assert problems(content) == ["scenario without id: must be a mapping of keys to values"]
 
 
 def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
-    """Oracle: the message."""
     with pytest.raises(ScenarioError) as caught:
         load_scenario("sled_snwo")
     known = ", ".join(SHIPPED)
@@ -403,92 +399,60 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="custom", **disc) == segment(2, 0.5, 0.1, 0.2, math.pi)
     assert body(kind="custom", **disc, half_angle_deg=90) == segment(2, 0.5, 0.1, 0.2, math.pi / 2)
     assert body(kind="custom", **disc | {"radius_m": 0, "eccentricity_m": 0}) == segment(2, 0, 0, 0.2)
-    assert body(kind="segment", mass_kg=2, radius_m=0.5, half_angle_deg=60) == circular_segment(2, 0.5, math.pi / 3)
+    assert body(**SEGMENT) == circular_segment(2, 0.5, math.pi / 3)
     assert body(kind="sled") == sled()
     assert body(kind="sled", sled_mass_kg=30, balance=0.1) == sled(sled_mass=30.0, balance=0.1)
     assert body(**POLYGON) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)])
     assert body(**POLYGON, rounding_m=0.05) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)], 0.05)
 
 
+SEGMENT = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60}
+CUSTOM = {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 1}
+LEAST = "must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = [0.25, 0.5] m"
+KNOWN = "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg"
+
+
+def cornered(*points: Any) -> dict[str, Any]:
+    return POLYGON | {"points_m": [*points]}
+
+
 @pytest.mark.parametrize(
     ("section", "message"),
     [
+        ({**SEGMENT, "half_angle_deg": 0}, "body.half_angle_deg = 0: must be a number in (0, 180] deg"),
+        ({**SEGMENT, "inertia_kg_m2": 1}, f"{KNOWN}, radius_m, half_angle_deg"),
         ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in (0, "),
-        (
-            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 0},
-            "body.half_angle_deg = 0: must be a number in (0, 180] deg",
-        ),
-        (
-            {"kind": "custom", "mass_kg": 2, "radius_m": -1, "eccentricity_m": 0, "inertia_kg_m2": 1},
-            "body.radius_m = -1: must be a number in [0, 1e+50] m",
-        ),
-        (
-            {
-                "kind": "custom",
-                "mass_kg": 2,
-                "radius_m": 0.5,
-                "eccentricity_m": 0.1,
-                "inertia_kg_m2": 1,
-                "half_angle_deg": 60,
-            },
-            "body: eccentricity_m = 0.1: must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = "
-            "[0.25, 0.5] m",
-        ),
-        (
-            SLED | {"bow_radius_m": 0},
-            "body.bow_radius_m = 0: must be a number in [1e-50, 1e+50] m",
-        ),
-        (
-            SLED | {"balance": 1},
-            "body.balance = 1: must be a number in (-1, 1)",
-        ),
-        (
-            POLYGON | {"inertia_kg_m2": 1},
-            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, points_m, rounding",
-        ),
-        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
+        (CUSTOM | {"radius_m": -1}, "body.radius_m = -1: must be a number in [0, 1e+50] m"),
+        (CUSTOM | {"half_angle_deg": 60}, f"body: eccentricity_m = 0.1: {LEAST}"),
+        (SLED | {"bow_radius_m": 0}, "body.bow_radius_m = 0: must be a number in [1e-50, 1e+50] m"),
+        (SLED | {"balance": 1}, "body.balance = 1: must be a number in (-1, 1)"),
+        (POLYGON | {"inertia_kg_m2": 1}, f"{KNOWN}, points_m, rounding"),
         (POLYGON | {"rounding_m": -0.1}, "body.rounding_m = -0.1: must be a number in [0, 1e+50] m"),
+        (POLYGON | {"rounding_m": 0.2}, "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each"),
+        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
+        (POLYGON | {"points_m": 0.3}, f"body.points_m = 0.3: {POINTS}"),
+        (cornered([0, 0], [1, 0]), f"body.points_m = [[0, 0], [1, 0]]: {POINTS}"),
+        (cornered(*13 * [[0, 0]]), f"body.points_m = [{6 * '[0, 0], '}...]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
+        (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
+        (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1]: must differ from the next one"),
         (
-            POLYGON | {"rounding_m": 0.2},
-            "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each",
-        ),
-        (
-            {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60, "inertia_kg_m2": 1},
-            "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg, radius_m, half_angle_deg",
+            cornered([0, 0], [1, 0], [1, 1], [0.9, 0.1]),
+            "body: points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; ",
         ),
     ],
 )
 def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], message: str) -> None:
-    """Oracle: the message."""
     (line,) = problems(changed(body=section))
     assert line.startswith(f"scenario example: {message}")
-
-
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        (0.3, f".points_m = 0.3: {POINTS}"),
-        ([[0, 0], [1, 0]], f".points_m = [[0, 0], [1, 0]]: {POINTS}"),
-        (13 * [[0, 0]], f".points_m = [[0, 0], [0, 0], [0, 0], [0, 0], [0, 0], [0, 0], ...]: {POINTS}"),
-        ([[0, 0], [1, 0], [0, 1, 0]], f".points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
-        ([[0, 0], [1, "0"], [0, 1]], f".points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
-        ([[0, 0], [1, 0], [0, math.inf]], f".points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
-        ([[0, 0], [1, 0], [1, 0]], ": points_m[1]: must differ from the next one"),
-        ([[0, 0], [1, 0], [1, 1], [0.9, 0.1]], ": points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; "),
-    ],
-)
-def test_the_corners_of_a_polygon_are_points_of_a_convex_one(points: Any, message: str) -> None:
-    """Oracle: the message."""
-    (line,) = problems(changed(body=POLYGON | {"points_m": points}))
-    assert line.startswith(f"scenario example: body{message}")
 
 
 @pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
 @pytest.mark.parametrize("orientation", [0.0, 0.7, -2.0, 3.1, 8.0, -40.0])
 def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: float, orientation: float) -> None:
     """Oracle: the smallest height of 40 000 points of the outline, drawn around the launched mass centre."""
-    body = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": half_angle_deg}
-    scenario = Scenario.model_validate(changed(body=body))
+    scenario = Scenario.model_validate(changed(body=SEGMENT | {"half_angle_deg": half_angle_deg}))
     context = scenario.sample(np.random.default_rng(1))
     state = scenario.launch(context, orientation, 3.0)
     assert state == State(0.0, state.y, orientation, context.speed, -context.fall, 3.0)
@@ -588,3 +552,35 @@ def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
     assert scenario.hash != Scenario.model_validate(content | {"ends": {}}).hash
     wrong = "\n".join(problems(content | {"ends": {"touching": "wing"}}))
     assert "ends.touching = 'wing': must be a part of the body: rider, runner, legs, frame" in wrong
+
+
+def test_contexts_of_a_frame_are_taken_by_name() -> None:
+    """Oracle: the array that the frame was made of; its columns stand in another order."""
+    scenario = load_scenario("sled_rollers")
+    contexts = scenario.contexts(np.random.default_rng(0).random((4, scenario.draws)))
+    frame = pd.DataFrame(contexts, columns=Context._fields).iloc[:, ::-1]
+    for one in (frame, frame.to_numpy()[:, ::-1], [Context(*row) for row in contexts.tolist()]):
+        assert scenario.laws(one).tobytes() == scenario.laws(contexts).tobytes()
+        assert scenario.launches(one).tobytes() == scenario.launches(contexts).tobytes()
+        rows, profiles = scenario.slopes(one)
+        assert rows.tobytes() == scenario.slopes(contexts).rows.tobytes()
+        assert profiles == scenario.profiles(contexts) == scenario.profiles(one)
+        assert scenario.vertices(one).tobytes() == scenario.vertices(contexts).tobytes()
+        assert scenario.shapes(one).tolist() == [0] * 4
+    assert len(scenario.laws(frame.iloc[0])) == 1
+
+
+@pytest.mark.parametrize(
+    ("contexts", "error", "message"),
+    [
+        (pd.DataFrame(np.ones((2, 12)), columns=[*Context._fields[:-1], "trak"]), ValueError, "has the column 'trak'"),
+        (pd.DataFrame(np.ones((2, 11)), columns=Context._fields[:-1]), ValueError, "has no column 'track'"),
+        (np.ma.masked_less(np.ones((2, 12)), 2.0), TypeError, "contexts is a masked array"),
+        ([[0.1] * 11 + [float("nan")]], ValueError, r"contexts\[0\]\.shape = 0.1: must be a whole number"),
+    ],
+)
+def test_what_is_no_table_of_contexts_is_refused_by_name(contexts: Any, error: type[Exception], message: str) -> None:
+    scenario = load_scenario("sled_rollers")
+    for method in (scenario.laws, scenario.slopes, scenario.launches, scenario.shapes, scenario.vertices):
+        with pytest.raises(error, match=message):
+            method(contexts)

@@ -130,7 +130,6 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
     ],
 )
 def test_what_is_wrong_with_a_file_is_told_by_its_line(ground: Any, text: str, message: str) -> None:
-    """Oracle: the message."""
     assert refusal(ground, text, slope__angle_deg=45).startswith(message)
 
 
@@ -146,7 +145,6 @@ def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(gro
 
 
 def test_a_file_that_is_not_there_or_stands_beside_other_ground_is_told(ground: Any, tmp_path: Path) -> None:
-    """Oracle: the message."""
     content = changed(slope__profile_file="nothing.csv")
     with pytest.raises(ScenarioError, match=r"slope\.profile_file = 'nothing\.csv': .*No such file"):
         Scenario.model_validate(content)
@@ -225,7 +223,6 @@ def test_materials_of_a_file_are_zones(ground: Any) -> None:
 
 
 def test_more_zones_than_there_may_be_are_told(ground: Any) -> None:
-    """Oracle: the message."""
     rows = "".join(f"{x},{0.1 * (x % 2)},{'rock' if x % 2 else ''}\n" for x in range(20))
     told = refusal(ground, "x_m,y_m,material\n" + rows, zones=[{"material": "rock", "friction": 1}], slope__length_m=21)
     assert told == (

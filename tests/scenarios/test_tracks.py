@@ -15,7 +15,6 @@ from hypothesis import strategies as st
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.scenarios.tracks import AHEAD, BEHIND, TRACKS, profiles_of, vertices_around
 from sledenv.simulation.scene import Slope, Zone, checked_profile
-from sledenv.simulation.simulate import simulate, simulate_batch
 from tests.scenarios.test_scenario import DELETE, POLYGON, changed, problems
 
 BUMPS = {"height_m": [0.4, 0.9], "face_m": [2.5, 4], "top_m": [0.2, 1.5], "gap_m": [2, 8]}
@@ -105,13 +104,11 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
     ],
 )
 def test_what_no_body_can_ride_is_refused_with_the_remedy(slope: dict[str, Any], message: str) -> None:
-    """Oracle: the message."""
     (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
     assert line.startswith(f"scenario example: {message}")
 
 
 def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
-    """Oracle: the message."""
     remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
     message = f"scenario example: body: has a sharp corner, which must be rounded where the ground has crests; {remedy}"
     for slope in ({"slope__profile_m": ROOF}, {"slope__bumps": BUMPS, "slope__length_m": 40}):
@@ -276,23 +273,6 @@ def drawn_in(scenario: Scenario, split: Any) -> list[float]:
     return tracks
 
 
-def test_a_batch_over_tracks_is_what_each_descent_is_alone() -> None:
-    """Oracle: simulate, bit for bit; contexts share tracks or not."""
-    scenario = bumpy()
-    contexts = drawn(scenario, 24)
-    contexts[5:9, -1] = contexts[4, -1]
-    launches, config = scenario.launches(contexts), scenario.settings()
-    slopes = scenario.slopes(contexts)
-    batch = simulate_batch(scenario.body(), scenario.laws(contexts), slopes, launches, config)
-    for i, row in enumerate(contexts):
-        context = Context(*row.tolist())
-        assert slopes.profiles[i] == scenario.slope(context).profile
-        alone = simulate(
-            scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context), config
-        )
-        assert alone.as_batch().outcomes[0] == batch.outcomes[i]
-
-
 # What is seen of the ground from a place.
 
 
@@ -331,16 +311,3 @@ def test_vertices_around_places_are_those_that_a_slow_search_finds(
         expected, mask = slowly_around(profiles[0 if one else i], place)
         np.testing.assert_allclose(relative[i], expected, rtol=0.0, atol=1e-12)
         assert there[i].tolist() == mask
-
-
-def test_ground_heights_are_those_of_the_slope() -> None:
-    """Oracle: Slope.height_at; the vertex behind a place lies below it by as much as the place is above it."""
-    scenario = bumpy()
-    contexts = drawn(scenario)
-    x = np.random.default_rng(5).uniform(0.0, 40.0, len(contexts))
-    relative, there, _ = vertices_around(scenario.vertices(contexts), x)
-    for row, mask, place, context in zip(relative, there, x, contexts, strict=True):
-        slope = scenario.slope(Context(*context))
-        np.testing.assert_allclose(
-            row[mask, 1] + slope.height_at(place), slope.height_at(row[mask, 0] + place), atol=1e-12
-        )

@@ -93,7 +93,7 @@ def test_a_descent_in_many_calls_is_that_in_one(
     set_work(monkeypatch, 1e18)
     whole = simulate(*CASES[name], **options)
     calls = counted(monkeypatch)
-    for work in (1.0, 13.0, 30.0):
+    for work in (1.0, 30.0):
         set_work(monkeypatch, work)
         calls.clear()
         same(simulate(*CASES[name], **options), whole)
@@ -141,13 +141,13 @@ def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.Mo
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the batch in one call, bit for bit, with its logs; a call does not end it."""
-    launches = np.tile(LAUNCH, (200, 1))
-    launches[:, 5] += np.linspace(-1.0, 1.0, 200)
+    launches = np.tile(LAUNCH, (40, 1))
+    launches[:, 5] += np.linspace(-1.0, 1.0, 40)
     settings = Settings(solver, max_rebounds=12)
     set_work(monkeypatch, 1e18)
     whole = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
     calls = counted(monkeypatch)
-    for work in (1.0, 7.0, 100.0):  # of a block of lanes
+    for work in (1.0, 100.0):  # of a block of lanes
         set_work(monkeypatch, work)
         calls.clear()
         batch = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)

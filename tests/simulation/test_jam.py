@@ -32,7 +32,6 @@ from sledenv.simulation.support import support_height
 
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
 WHEEL = segment(1.0, 0.1, 0.0, 5e-3)
-LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 energies = st.one_of(st.just(0.0), st.floats(1e-9, 1e6))
 UNFINISHED = [code for code in range(len(STATUS_OF_CODE)) if code not in (FINISHED, NON_FINITE)]
 
@@ -77,11 +76,6 @@ def test_stuck_is_nearly_stuck_too() -> None:
     jam = rebound_jam(rebounds(stuck=[0, 1, 2]), np.full(3, 0.3))
     assert jam.stuck.tolist() == [False, False, True]
     assert jam.nearly_stuck.tolist() == [False, True, True]
-
-
-def test_no_rebounds_have_no_metrics() -> None:
-    """Oracle: empty in, empty out."""
-    assert [len(metric) for metric in rebound_jam(np.zeros(0, REBOUND), np.zeros(0))] == [0, 0, 0, 0]
 
 
 @pytest.mark.parametrize(("u", "grip"), [(20.0, 1.0), (0.3, None)])

@@ -89,6 +89,7 @@ if sys.platform == "linux":
 
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")  # Python's own, of any process with threads
+@pytest.mark.parametrize("threads", ["2"], indirect=True)
 @pytest.mark.parametrize("caller", CALLERS)
 def test_whoever_calls_gets_the_same_bits(caller: str, threads: int, alone: np.ndarray) -> None:
     """Oracle: a batch on one thread of this process; its threads have run before a process is forked."""

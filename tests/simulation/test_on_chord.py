@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sledenv import ScenarioError, load_scenario, simulate, simulate_batch
+from sledenv import ScenarioError, load_scenario, simulate
 from sledenv.kernel.records import Feature, Status
 from sledenv.scenarios.scenario import Scenario, scenario_names
 from sledenv.scenarios.sections import EndsSection
@@ -35,7 +35,6 @@ def problem(seed: int) -> tuple[ContactLaw, State]:
 
 
 PROBLEMS = [problem(seed) for seed in range(60)]
-LAWS, LAUNCHES = map(list, zip(*PROBLEMS, strict=True))
 
 
 def descents(solver: str, end_on_chord: bool) -> list[Descent]:
@@ -65,17 +64,6 @@ def test_a_descent_that_may_ends_where_it_first_lies_on_its_chord_and_else_goes_
         assert cut.jam.retention == 0.0
         assert abs(cut.energy.residual) <= 1e-12 * cut.energy.turnover
     assert min(seen.values()) >= 3, seen
-
-
-def test_a_batch_tells_of_each_lane_what_a_descent_does() -> None:
-    """Oracle: the properties of simulate()."""
-    singles = descents("compliant", False)
-    batch = simulate_batch(BODY, LAWS, SLOPE, LAUNCHES, solver="compliant", end_on_chord=False)
-    assert batch.status.tolist() == [single.status for single in singles]
-    assert batch.time.tolist() == [single.time for single in singles]
-    assert batch.states.tolist() == [list(single.state) for single in singles]
-    for single, lane in zip(singles, batch.on_chord.tolist(), strict=True):
-        assert lane == [math.inf, math.inf] if single.on_chord is None else tuple(lane) == single.on_chord
 
 
 def test_the_words_say_since_when_a_body_lies_on_its_chord() -> None:

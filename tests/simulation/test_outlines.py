@@ -191,17 +191,6 @@ def test_a_record_tells_the_same_in_every_frame(seed: int) -> None:
             assert told(other, row) == told(body, rows[other.arcs[k].part])
 
 
-@pytest.mark.parametrize("half_angle", [0.2, math.pi / 2, 2.0])
-def test_a_segment_is_its_own_mirror_bit_for_bit(half_angle: float) -> None:
-    """Oracle: nose and tail change places, and what counts across or counter-clockwise changes its sign."""
-    record = segment(1.0, 0.5, 0.495, 0.1, half_angle).record[0]
-    for name in ("along", "r", "corner", "h", "sinks"):
-        assert record[name][0] == record[name][2], name
-    assert record["across"][0] == -record["across"][2]
-    assert record["across"][1] == 0.0
-    assert (record["low"][0], record["high"][0]) == (-record["high"][2], -record["low"][2])
-
-
 # --- hulls -----------------------------------------------------------------------------------------------------------
 
 
@@ -274,23 +263,6 @@ def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
     for arc, other in zip(arcs, expected.arcs, strict=True):
         assert arc.part == other.part
         assert arc[:4] == pytest.approx(other[:4], abs=2e-15 * radius)
-
-
-def test_a_hull_becomes_a_sled_on_runners() -> None:
-    """Oracle: the arc joins both caps smoothly, and the hull stays as it is elsewhere."""
-    circles = [(0.6, 0.1, 0.1), (-0.5, 0.12, 0.15), (-0.1, 0.9, 0.12)]
-    arcs = hull_of_circles(np.array(circles), ["nose", "tail", "head"], ["bottom", "back", "front"])
-    below = [arc.part for arc in arcs].index("nose")
-    sled = shifted(bulged(arcs, below, 12.0, "runners"), 0.0, -0.3)
-    body = Body(100.0, 15.0, sled)
-    assert [arc.part for arc in body.arcs] == ["nose", "runners", "tail", "head"]
-    assert body.parts[4:] == ("back", "front")
-    runners = next(arc for arc in body.arcs if arc.part == "runners")
-    for cap in (arc for arc in body.arcs if arc.part in ("nose", "tail")):
-        assert math.hypot(cap.x - runners.x, cap.y - runners.y) == pytest.approx(12.0 - cap.radius, rel=1e-14)
-    assert [arc for arc in sled if arc.part == "head"] == [
-        arc for arc in shifted(arcs, 0.0, -0.3) if arc.part == "head"
-    ]
 
 
 HEXAGON = polygon(1.0, [(math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6)])
@@ -382,30 +354,6 @@ def test_a_stadium_is_a_board_and_two_half_discs() -> None:
     assert body.inertia == pytest.approx(2.0 * moment / total, rel=1e-14)
 
 
-@pytest.mark.parametrize("half_angle", [0.05, 0.4, 1.3, 2.2])
-def test_two_outlines_that_are_put_together_have_the_moments_of_the_whole(half_angle: float) -> None:
-    """Oracle: a disc cut along a chord; areas add, centroids balance, moments add by Steiner's theorem."""
-    radius = 0.8
-    chord = [Arc(s * radius * math.sin(half_angle), -radius * math.cos(half_angle), 0.0, 0.0) for s in (1.0, -1.0)]
-    below = [chord[0]._replace(begin=-math.pi), Arc(0.0, 0.0, radius, -half_angle), chord[1]._replace(begin=half_angle)]
-    rest = math.pi - half_angle
-    above = turned(
-        [
-            Arc(-chord[0].x, -chord[0].y, 0.0, rest),
-            Arc(0.0, 0.0, radius, -rest),
-            Arc(chord[0].x, -chord[0].y, 0.0, -math.pi),
-        ],
-        math.pi,
-    )
-    one, other = mass_properties(below), mass_properties(above)
-    total = one[0] + other[0]
-    assert total == pytest.approx(math.pi * radius**2, rel=1e-14)
-    centre = [(one[0] * p + other[0] * q) / total for p, q in zip(one[1], other[1], strict=True)]
-    assert centre == pytest.approx([0.0, 0.0], abs=1e-15)
-    moment = sum(area * (own + x * x + y * y) for area, (x, y), own in (one, other))
-    assert moment / total == pytest.approx(0.5 * radius**2, rel=1e-14)
-
-
 @given(seeds)
 def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) -> None:
     """Oracle: the shoelace formulas of 4000 points an arc; they lose the square of a step of each arc."""
@@ -421,21 +369,6 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
     assert area == pytest.approx(cross.sum(), rel=1e-5)
     assert centre == pytest.approx(middle, abs=noise * body.size)
     assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)
-
-
-@given(seeds, st.floats(-3.0, 3.0), st.floats(-5.0, 5.0))
-def test_moments_are_the_same_in_every_frame(seed: int, angle: float, x: float) -> None:
-    """Oracle: an area and its moment do not change with the frame, and a centroid moves with it."""
-    body = at_random(seed)
-    assume(len(body.arcs) > 2)
-    area, centre, inertia = mass_properties(body.arcs)
-    other = mass_properties(shifted(turned(body.arcs, angle), x, 1.0))
-    noise = 1e-13 + 1e-14 * max(arc.radius for arc in body.arcs) / body.size
-    s, c = math.sin(angle), math.cos(angle)
-    moved = c * centre[0] - s * centre[1] + x, s * centre[0] + c * centre[1] + 1.0
-    assert other[0] == pytest.approx(area, abs=noise * body.size**2 + 1e-12)
-    assert other[1] == pytest.approx(moved, abs=20.0 * noise * (body.size + 6.0))
-    assert other[2] == pytest.approx(inertia, abs=20.0 * noise * (body.size + 6.0) ** 2)
 
 
 def test_an_outline_without_an_area_has_no_moments() -> None:
@@ -462,9 +395,3 @@ def test_angle_of_a_direction_lies_in_a_turn(angle: float, length: float) -> Non
     assert math.remainder(found - angle, TURN) == pytest.approx(0.0, abs=1e-15)
     assert angle_of(0.0, -length) == -math.pi
     assert angle_of(-0.0, length) == 0.0
-
-
-def test_a_disc_is_an_outline_too() -> None:
-    """Oracle: one arc, which is lowest at all orientations."""
-    outline = outline_of(disc(1.0, 0.5, 0.2, 1.0).arcs)
-    assert (outline.size, outline.lowest, outline.sides.tolist()) == (0.7, 0.3, [0.0])

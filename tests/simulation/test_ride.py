@@ -63,7 +63,7 @@ def assert_same(one, other) -> None:
 def test_a_ride_without_trims_is_the_descent_bit_for_bit_whatever_it_is_interrupted_by(name, solver, record):
     """Oracle: simulate(); copies and pickles are made at random rebounds, and trimming a copy changes nothing."""
     rng = np.random.default_rng(0)
-    for seed in range(40):
+    for seed in range(8):
         settings = Settings(solver, sample_interval=0.001, max_rebounds=60)
         whole = simulate(*problem(name, seed), settings, record=record)
         ride = Ride(*problem(name, seed), settings, record=record, rotor_inertia=ROTOR)
@@ -83,7 +83,7 @@ def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
     """Oracle: conservation of energy with the rotor's in it, and that of the angular momentum that a trim exchanges."""
     rng = np.random.default_rng(1)
     trimmed = 0
-    for seed in range(60):
+    for seed in range(12):
         ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=200), rotor_inertia=ROTOR)
         body = ride.body
         ride.hop()
@@ -114,7 +114,7 @@ def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
             assert abs(ledger.residual) <= 1e-12 * ledger.turnover
         kept = 0.5 * body.mass * ride.state.u**2
         assert kept <= ride.descent().energy.supplied * (1.0 + 1e-12)
-    assert trimmed > 100
+    assert trimmed > 20
 
 
 def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
@@ -160,14 +160,6 @@ def test_a_descent_under_way_is_a_snapshot_that_later_hops_do_not_change():
     assert np.array_equal(descent.trajectory, kept[2])
 
 
-def test_hops_find_an_end_in_flight_and_limits_where_they_are():
-    """Oracle: simulate() of the same limits."""
-    for seed in range(20):
-        for limits in ({"max_time": 0.05}, {"max_time": 0.9}, {"max_rebounds": 1}, {"max_rebounds": 3}):
-            ride = Ride(*problem(own_scenario("brake_mat"), seed), Settings(**limits))
-            assert_same(ride.run(), simulate(*problem(own_scenario("brake_mat"), seed), **limits))
-
-
 def columns(problems: list[tuple]) -> list[list]:
     """Laws, slopes and launches of problems that share a body."""
     return [list(column) for column in zip(*problems, strict=True)][1:]
@@ -181,16 +173,16 @@ def batch(problems: list[tuple], **options) -> RideBatch:
 @pytest.mark.parametrize("name", ["brake_mat", "boulders"])  # the contacts of a disc are followed abreast
 def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(name, solver):
     """Oracle: simulate_batch without trims, Ride with them."""
-    problems = [problem(own_scenario(name), seed) for seed in range(200)]
+    problems = [problem(own_scenario(name), seed) for seed in range(40)]
     settings = Settings(solver, max_rebounds=50)
-    trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 200))
+    trims = np.random.default_rng(0).uniform(-2.0, 2.0, (50, 40))
     for trimmed in (False, True):
         rides = batch(problems, settings=settings, keep_rebounds=True, rotor_inertia=ROTOR)
         hops = 0
         while (running := rides.outcomes()["status"] == RUNNING).any():
             ended = np.flatnonzero(~running)
             kept = rides.outcomes(ended)
-            rides.hop(trims[hops] if trimmed and hops > 0 else np.zeros(200))
+            rides.hop(trims[hops] if trimmed and hops > 0 else np.zeros(40))
             assert np.array_equal(rides.outcomes(ended), kept)
             hops += 1
         found = rides.descents()
@@ -213,31 +205,6 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
             logs = [log[:count] for log, count in zip(expected.rebounds, counts, strict=True)]
         for log, lane in zip(logs, found.rebounds, strict=True):
             assert np.array_equal(log, lane[: len(log)])
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_lanes_launched_anew_are_new_rides_and_the_others_go_on(solver):
-    """Oracle: batches of their own; a pickle made on the way."""
-    first, second = (
-        [problem(own_scenario("ice_drop"), seed) for seed in seeds] for seeds in (range(20), range(100, 120))
-    )
-    options = {"settings": Settings(solver), "keep_rebounds": True}
-    rides, one, other = batch(first, **options), batch(first, **options), batch(second, **options)
-    still = np.zeros(20)
-    for _ in range(3):
-        rides.hop(still)
-        one.hop(still)
-    new = np.array([17, 0, 4, 11])
-    rides.launch(new, *columns([second[i] for i in new]))
-    rides = pickle.loads(pickle.dumps(rides))
-    old = np.setdiff1d(np.arange(20), new)
-    for _ in range(6):
-        for each in (rides, one, other):
-            each.hop(still)
-        for lanes, twin in ((old, one), (new, other)):
-            found, expected = rides.descents(lanes), twin.descents(lanes)
-            assert np.array_equal(found.outcomes, expected.outcomes)
-            assert np.array_equal(found.rebounds, expected.rebounds)
 
 
 BODIES = (
@@ -436,8 +403,7 @@ def looked_ahead(ride: Ride) -> Ride:
     return ride
 
 
-@pytest.mark.parametrize("record", ["rebounds", "trajectory"])
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize(("seed", "record"), [(0, "rebounds"), (1, "trajectory"), (2, "rebounds"), (3, "trajectory")])
 def test_a_hop_goes_on_through_short_flights(seed: int, record: str) -> None:
     """Oracle: every hop by itself, and looking ahead with copies; trims in the long flights alone."""
     settings, given = Settings(run_out=2.0), on_bumps(seed)
@@ -462,19 +428,19 @@ def test_a_hop_goes_on_through_short_flights(seed: int, record: str) -> None:
 
 def test_lanes_go_on_through_short_flights_as_rides_do() -> None:
     """Oracle: Ride, lane by lane; lanes that do not wait stay where they are."""
-    problems = [on_bumps(seed) for seed in range(30)]
+    problems = [on_bumps(seed) for seed in range(8)]
     options = {"rotor_inertia": ROTOR, "shortest_flight": SHORTEST}
     rides, singles = batch(problems, **options), [Ride(*given, **options) for given in problems]
     before = rides.outcomes()
-    rides.await_flights(np.arange(10))
-    assert np.array_equal(rides.outcomes()[10:], before[10:])
-    rides.await_flights(np.arange(30))
+    rides.await_flights(np.arange(3))
+    assert np.array_equal(rides.outcomes()[3:], before[3:])
+    rides.await_flights(np.arange(8))
     for ride in singles:
         ride.await_flight()
     rng = np.random.default_rng(0)
     while (rides.outcomes()["status"] == RUNNING).any():
         assert np.array_equal(rides.outcomes(), [ride.descent().outcome for ride in singles])
-        spins = rng.uniform(-0.5, 0.5, 30)
+        spins = rng.uniform(-0.5, 0.5, 8)
         rides.hop(spins)
         for ride, spin in zip(singles, spins.tolist(), strict=True):
             if ride.status == Status.RUNNING:

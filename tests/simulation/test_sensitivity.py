@@ -8,8 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from sledenv.simulation.bodies import Body, Segment, segment
@@ -17,7 +15,6 @@ from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.sensitivity import (
     END_QUANTITIES,
     LAUNCH,
-    PARAMETERS,
     REBOUND_QUANTITIES,
     STATE_AFTER,
     Sensitivity,
@@ -220,18 +217,22 @@ def test_gravity_and_stiffness_together_set_the_pace_of_what_is_dropped_at_rest(
 # --- symmetry and other invariants ------------------------------------------------------------------------------------
 
 
-@given(
-    st.floats(-3.0, 3.0), st.floats(0.2, 2.0), st.floats(-5.0, 5.0).filter(lambda omega: abs(omega) > 0.1),
-    st.sampled_from([DISC, SEGMENT]), st.sampled_from(["compliant", "rigid"]),
-)  # fmt: skip
+@pytest.mark.parametrize(
+    ("phi", "u", "omega", "body", "solver"),
+    [
+        *((0.4, 0.7, 1.3, "segment", "compliant"), (-2.8, 1.5, -4.0, "segment", "rigid")),
+        *((2.1, 0.3, 0.2, "disc", "rigid"), (-0.9, 1.9, 3.3, "disc", "compliant")),
+    ],
+)
 def test_the_mirror_image_has_the_mirrored_derivatives(
-    phi: float, u: float, omega: float, body: Segment, solver: Any
+    phi: float, u: float, omega: float, body: str, solver: Any
 ) -> None:
     """Oracle: on the level, x, phi, u, omega change their signs, and so do derivatives of one by the others."""
-    y = 0.3 + support_height(body, phi)
+    given = {"segment": SEGMENT, "disc": DISC}[body]
+    y = 0.3 + support_height(given, phi)
     one, other = (
         sensitivity(
-            body,
+            given,
             LAW,
             Slope(0.0),
             State(0.0, y, s * phi, s * u, 0.0, s * omega),
@@ -303,7 +304,7 @@ def fingerprints(body: Segment, law: ContactLaw, slope: Slope, launches: np.ndar
 
 @pytest.mark.parametrize("name", ["phi", "u", "y"])
 def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
-    """Oracle: 20,001 launches side by side."""
+    """Oracle: 2,001 launches side by side."""
     launch = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0)
     slope = Slope(0.2)
     found = sensitivity(SEGMENT, LAW, slope, launch, Settings(max_rebounds=3), parameters=[name])
@@ -311,7 +312,7 @@ def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
     assert math.isfinite(below) or math.isfinite(above)
     for sign, distance in ((-1.0, below), (1.0, above)):
         reach = min(1.5 * distance, found.scales[0])
-        changes = np.linspace(0.0, reach, 20001)
+        changes = np.linspace(0.0, reach, 2001)
         launches = np.tile(np.array(launch), (len(changes), 1))
         launches[:, LAUNCH.index(name)] += sign * changes
         high_enough = [y >= support_height(SEGMENT, phi) for _, y, phi, *_ in launches]
@@ -386,7 +387,10 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
 # --- ugly inputs ------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+@pytest.mark.parametrize(
+    ("solver", "rebounds"),
+    [("compliant", 1), *(pytest.param(solver, 4, marks=pytest.mark.slow) for solver in ("compliant", "rigid"))],
+)
 @pytest.mark.parametrize(
     ("law", "launch"),
     [
@@ -401,10 +405,10 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
     ],
     ids=["no velocity", "e = 1, f = 0", "e = 0", "edge of the arc", "chord", "chord at rest", "touching", "overflow"],
 )
-def test_whatever_the_descent_the_result_is_whole(solver: Any, law: ContactLaw, launch: State) -> None:
+def test_whatever_the_descent_the_result_is_whole(solver: Any, rebounds: int, law: ContactLaw, launch: State) -> None:
     """NaN just where no side holds; errors where there are values; distances not negative."""
-    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, Settings(solver=solver, max_time=3.0), rebounds=4)
-    count, width = min(4, len(found.descent.rebounds)), len(found.parameters)
+    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, Settings(solver=solver, max_time=3.0), rebounds=rebounds)
+    count, width = min(rebounds, len(found.descent.rebounds)), len(found.parameters)
     assert found.rebounds.shape == found.rebound_errors.shape == (count, len(REBOUND_QUANTITIES), width)
     assert found.end.shape == found.end_errors.shape == (len(END_QUANTITIES), width)
     assert found.sides.shape == (count + 1, width)
@@ -551,10 +555,3 @@ def test_the_growth_of_a_wheel_without_friction_is_that_of_its_matrix() -> None:
     np.testing.assert_allclose(found.units, units)
     scaled = matrix * units / units[[0, 2, 3, 4, 5], np.newaxis]
     np.testing.assert_allclose(found.growth[0], np.linalg.svd(scaled, compute_uv=False), rtol=1e-8)
-
-
-def test_parameters_and_quantities_have_units_and_are_fields() -> None:
-    descent = simulate(DISC, LAW, Slope(0.1), State(0.0, 0.6, 0.3), max_rebounds=1)
-    assert set(REBOUND_QUANTITIES) <= set(descent.rebounds.dtype.names or ())
-    assert set(STATE_AFTER) <= set(REBOUND_QUANTITIES)
-    assert list(PARAMETERS)[:6] == list(LAUNCH)

@@ -93,7 +93,7 @@ def test_what_are_no_settings_is_named(run: Any) -> None:
 
 def test_those_of_a_scenario_are_its_limits_and_rules() -> None:
     """Oracle: the file's sections."""
-    scenario = load_scenario("sled_snow")
+    scenario = load_scenario("sled_mat")
     limits = {"max_time": scenario.limits.max_time_s, "max_rebounds": scenario.limits.max_rebounds}
     rules = {"end_touching": "rider", "run_out": 4.0}
     assert scenario.settings("rigid") == Settings("rigid", **limits, **rules)

@@ -12,15 +12,13 @@ from typing import Any
 import mpmath
 import numpy as np
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import sledenv
 from sledenv import Settings
-from sledenv.envs.inputs import FIELDS
-from sledenv.envs.task import Task
 from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
-from sledenv.scenarios.scenario import Context, load_scenario, scenario_names
+from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.jam import DescentJam
@@ -30,11 +28,9 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.support import support_height, support_heights, within_a_turn
 from tests.bodies import rod, segment_by_share
-from tests.own_scenarios import own_scenario
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SEGMENT = circular_segment(2.0, 0.5, math.radians(110.0))
-SHALLOW = circular_segment(1.0, 0.5, 1.0)
 ROD = rod(1.0, 0.4, 0.02)
 LAW = ContactLaw(1e6, 0.5, 0.1, 0.001)
 ICE = ContactLaw(1e6, 0.3, 0.03, 0.0)
@@ -235,40 +231,6 @@ def test_elastic_bounces_do_not_drift_in_energy(phi: float) -> None:
 
 
 # --- symmetry ---------------------------------------------------------------------------------------------------------
-
-
-@given(bodies, laws, launches, st.sampled_from([9.81, 0.0]), st.sampled_from(["compliant", "rigid"]))
-@example(SHALLOW, ContactLaw(1e6, 0.1, 0.0, 0.0), (0.0, math.pi, 0.0, -0.5, 0.0), 9.81, "compliant")
-@example(SHALLOW, ContactLaw(1e6, 0.0, 0.4, 0.002, 0.002), (0.01, math.pi, 1.0, -0.5, 0.0), 9.81, "compliant")
-def test_the_mirror_image_descends_as_the_mirror_image(
-    body: Segment, law: ContactLaw, launch: Any, gravity: float, solver: Any
-) -> None:
-    """Oracle: mirror symmetry on the level, of rigid surfaces bit for bit: x, phi, u and omega change sign."""
-    assume(launch[0] > 0.0 or law.asymmetry > 0.0)  # a graze is decided by rounding
-    slope = Slope(0.0, math.inf, gravity)
-    state = launched(body, launch)
-    mirrored = State(0.0, state.y, -state.phi, -state.u, state.v, -state.omega)
-    options: dict[str, Any] = {"solver": solver, "max_time": 2.0, "max_rebounds": 50}
-    one, other = (simulate(body, law, slope, s, **options) for s in (state, mirrored))
-    if solver == "compliant":  # points that touch together are listed as they came, and sums over them round so
-        for name, sign in (("t", 1.0), ("u_after", -1.0), ("v_after", 1.0), ("omega_after", -1.0)):
-            first, image = one.rebounds[name][:1], sign * other.rebounds[name][:1]
-            assert first == pytest.approx(image, rel=1e-7, abs=1e-7 * max(1.0, abs(state.omega), abs(state.v))), name
-        return
-    assert one.status == other.status
-    assert one.time == other.time
-    assert one.energy == other.energy
-    assert other.state == (-one.state.x, one.state.y, -one.state.phi, -one.state.u, one.state.v, -one.state.omega)
-    swapped = {Feature.ARC: Feature.ARC, Feature.NOSE: Feature.TAIL, Feature.TAIL: Feature.NOSE}
-    swapped[Feature.CHORD] = Feature.CHORD
-    assert [swapped[f] for f in one.rebounds["feature"]] == other.rebounds["feature"].tolist()
-    codes = set(zip(one.rebounds["sequence"].tolist(), other.rebounds["sequence"].tolist(), strict=True))
-    assert len(codes) == len({code for code, _ in codes}) == len({code for _, code in codes})
-    for name in one.rebounds.dtype.names:
-        if name in ("feature", "sequence"):
-            continue
-        odd = name in ("x", "x_contact", "phi", "tangential_impulse", "rolling_impulse") or name[:2] in ("u_", "om")
-        assert np.array_equal(one.rebounds[name], -other.rebounds[name] if odd else other.rebounds[name]), name
 
 
 @pytest.mark.parametrize("half_angle", [0.4, 1.4, 1.5, 2.5])
@@ -828,23 +790,6 @@ def test_a_contact_is_sampled_densely_and_on_both_sides_of_a_jump_of_its_forces(
     assert after == pytest.approx(0.25 * before, rel=1e-9)  # e squared
     impulse = np.trapezoid(touching["normal"], touching["t"])
     assert impulse == pytest.approx(first["normal_impulse"], rel=3e-3)
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("snow_patch")])
-def test_the_times_of_a_trajectory_never_decrease(name, solver):
-    """Bodies with corners and long contacts, and rows closer than the steps of a contact."""
-    task = Task(name, "both")
-    contexts = task.scenario.contexts(np.random.default_rng(0).random((12, FIELDS)), "test")
-    launches = task.launches(contexts, np.random.default_rng(1).uniform(-1.0, 1.0, (12, 2)))
-    laws = task.scenario.laws(contexts)
-    for context, law, launch in zip(contexts, laws, launches, strict=True):
-        one = Context(*context)
-        given = task.scenario.body(one), ContactLaw(*law), task.scenario.slope(one), State(*launch)
-        descent = simulate(*given, solver=solver, record="trajectory", sample_interval=7e-4)
-        steps = np.diff(descent.trajectory["t"])
-        assert (steps >= 0.0).all()
-        assert steps.max() <= 7e-4 * (1.0 + 1e-9)
 
 
 def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:

@@ -118,13 +118,7 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
         "segment": {"mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 100},
         "sled": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
         | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
-        "custom": {
-            "mass_kg": 2,
-            "radius_m": 0.5,
-            "eccentricity_m": 0.1,
-            "inertia_kg_m2": 0.2,
-            "half_angle_deg": 120,
-        },
+        "custom": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2, "half_angle_deg": 120},
         "polygon": {"mass_kg": 2, "rounding_m": 0.05},
         "rock": {"length_m": 0.6, "width_ratio": 0.7, "depth_ratio": 0.8, "rounding": 0.2}
         | {"density_kg_m3": 2600, "shape": 0.3},
@@ -180,6 +174,11 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
     assert load_study(path).base.body_section == made(PUSH).base.body_section
 
 
+def of(kind: str, **numbers: float) -> dict[str, Any]:
+    """A distribution."""
+    return {"kind": kind} | numbers
+
+
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
@@ -193,39 +192,36 @@ def test_the_path_of_a_scenario_is_seen_from_the_file(tmp_path: Path, monkeypatc
             "zone.fricton: uniform, low 0.2, high 0.3: unknown key (did you mean 'friction'?)",
         ),
         (
-            {"contact__friction": {"kind": "uniform", "low": -0.3, "high": -0.1}},
+            {"contact__friction": of("uniform", low=-0.3, high=-0.1)},
             "contact.friction: uniform, low -0.3, high -0.1: must be a number",
         ),
-        ({"contact__friction": {"kind": "uniform", "low": 0.3, "high": 0.3}}, "low = 0.3: must be below high = 0.3"),
+        ({"contact__friction": of("uniform", low=0.3, high=0.3)}, "low = 0.3: must be below high = 0.3"),
         (
-            {"contact__friction": {"kind": "triangular", "low": 0.1, "mode": 0.5, "high": 0.3}},
+            {"contact__friction": of("triangular", low=0.1, mode=0.5, high=0.3)},
             "mode = 0.5: must be in [low, high] = [0.1, 0.3]",
         ),
-        ({"launch__drop_m": {"kind": "normal", "mean": 1, "sd": 0}}, "sd = 0: must be a number in (0, inf)"),
-        ({"launch__drop_m": {"kind": "lognormal", "median": 0, "log_sd": 1}}, "median = 0: must be a number in (0"),
-        ({"launch__drop_m": {"kind": "normal", "mean": 1}}, "sd: missing"),
-        (
-            {"launch__drop_m": {"kind": "normal", "mean": 1, "sd": 1, "low": 0}},
-            "low = 0: unknown key; known: kind, mean, sd",
-        ),
+        ({"launch__drop_m": of("normal", mean=1, sd=0)}, "sd = 0: must be a number in (0, inf)"),
+        ({"launch__drop_m": of("lognormal", median=0, log_sd=1)}, "median = 0: must be a number in (0"),
+        ({"launch__drop_m": of("normal", mean=1)}, "sd: missing"),
+        ({"launch__drop_m": of("normal", mean=1, sd=1, low=0)}, "low = 0: unknown key; known: kind, mean, sd"),
         ({"launch__drop_m": {"kind": "cauchy"}}, "launch.drop_m: kind = 'cauchy': must be one of uniform, normal"),
         ({"launch__drop_m": {"kind": "unifrom"}}, "(did you mean 'uniform'?)"),
         ({"launch__drop_m": {"kind": ["normal"]}}, "launch.drop_m: kind = ['normal']: must be one of uniform"),
         ({"launch__drop_m": {"low": 1}}, "launch.drop_m: kind: missing; must be one of uniform"),
         (
-            {"launch__drop_m": {"kind": "uniform", "low": 1, "hihg": 2}},
+            {"launch__drop_m": of("uniform", low=1, hihg=2)},
             "launch.drop_m: hihg = 2: unknown key (did you mean 'high'?); known: kind, low, high; high: missing",
         ),
         ({"launch__drop_m": math.nan}, "launch.drop_m = nan: must be a number"),
         (
-            {"contact__friction": {"kind": "normal", "mean": 0.1, "sd": 0.1}},
+            {"contact__friction": of("normal", mean=0.1, sd=0.1)},
             "contact.friction: normal, mean 0.1, sd 0.1: a share of 0.16 lies outside [0, inf): truncated_normal has",
         ),
         (
-            {"contact__restitution": {"kind": "uniform", "low": 0.5, "high": 1.5}},
+            {"contact__restitution": of("uniform", low=0.5, high=1.5)},
             "contact.restitution: uniform, low 0.5, high 1.5: a share of 0.5 lies outside (0, 1]",
         ),
-        ({"launch__speed_m_s": {"kind": "lognormal", "median": 1, "log_sd": 500}}, "lies outside [0, inf) m/s"),
+        ({"launch__speed_m_s": of("lognormal", median=1, log_sd=500)}, "lies outside [0, inf) m/s"),
         ({"slope__angle_deg": [3, 7]}, "slope.angle_deg: is a range, give a number or a distribution"),
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in [1e-50, 1e+50] m"),
         (

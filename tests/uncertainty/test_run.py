@@ -165,28 +165,6 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     }
 
 
-def test_passages_agree_with_the_trajectory() -> None:
-    """Oracle: rows of the trajectory on both sides of a station, which know nothing of it."""
-    study = made(PUSH, launches=10)
-    lanes = study.lanes(study.values(run.draws(study)))
-    tables = lanes.laws, lanes.slopes.rows, lanes.launches
-    stations = np.linspace(0.0, 9.0, 7)
-    found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
-    compared = 0
-    for i in range(len(lanes.launches)):
-        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), tables, strict=True))
-        options = {"record": "trajectory", "sample_interval": 1e-3, "end_on_chord": True}
-        rows = simulate(lanes.bodies, law, slope, launch, **options).trajectory
-        for k, x in enumerate(stations[1:], 1):
-            beyond = np.flatnonzero(rows["x"] >= x)
-            assert np.isnan(found.speed[i, k]) == (len(beyond) == 0)
-            if len(beyond):
-                around = np.hypot(rows["u"], rows["v"])[beyond[0] - 1 : beyond[0] + 1]
-                assert around.min() - 2e-3 <= found.speed[i, k] <= around.max() + 2e-3
-                compared += 1
-    assert compared > 20
-
-
 def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     """Oracle: simulate_batch of the same launches, numpy's quantiles, counting."""
     study = pushed.study
@@ -237,26 +215,31 @@ def contents(result: sledenv.StudyResult) -> dict[str, bytes]:
     return {str(file.relative_to(result.folder)): file.read_bytes() for file in files}
 
 
-def test_two_workers_find_what_one_does(
-    pushed: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture(scope="module")
+def blocks(pushed: sledenv.StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[sledenv.StudyResult]:
+    """The same descents by two workers, in four blocks."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "BLOCK", 80)
+        yield sledenv.study(pushed.study, tmp_path_factory.mktemp("blocks") / "out", workers=2, progress=False)
+
+
+def test_two_workers_find_what_one_does(pushed: sledenv.StudyResult, blocks: sledenv.StudyResult) -> None:
     """Oracle: the launches of one worker in one block, bit for bit; blocks do not matter but for the files."""
-    monkeypatch.setattr(run, "BLOCK", 80)
-    result = sledenv.study(pushed.study, tmp_path / "out", workers=2, progress=False)
-    assert len(result.files) == 4
-    assert len(pushed.files) == 1
-    pd.testing.assert_frame_equal(result.read(), pushed.read(), check_exact=True)
+    assert (len(pushed.files), len(blocks.files)) == (1, 4)
+    pd.testing.assert_frame_equal(blocks.read(), pushed.read(), check_exact=True)
     for name in ("shares", "quantiles", "envelopes", "sobol"):
-        pd.testing.assert_frame_equal(getattr(result, name), getattr(pushed, name), check_exact=True)
-        assert (result.folder / f"{name}.parquet").read_bytes() == (pushed.folder / f"{name}.parquet").read_bytes()
+        pd.testing.assert_frame_equal(getattr(blocks, name), getattr(pushed, name), check_exact=True)
+        assert (blocks.folder / f"{name}.parquet").read_bytes() == (pushed.folder / f"{name}.parquet").read_bytes()
 
 
-def test_a_study_that_is_stopped_goes_on_where_it_was(
-    pushed: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_study_that_is_stopped_goes_on_where_it_was_and_simulates_again_what_is_not_as_it_was_left(
+    blocks: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Oracle: the files of the study that was not stopped; those that were written stay untouched."""
-    monkeypatch.setattr(run, "BLOCK", 80)
-    whole = sledenv.study(pushed.study, tmp_path / "whole", workers=1, progress=False)
+    """Oracle: the files of the study that was not stopped.
+
+    Of three blocks that were written the first stays untouched; a number of the second is edited, the third is cut. A
+    file of another block is in the place of the fourth, and one that was half written is left by another process.
+    """
 
     def stopping(*_: object) -> Callable[[list[Call]], Iterator[Any]]:
         def make(calls: list[Call]) -> Iterator[Any]:
@@ -269,31 +252,20 @@ def test_a_study_that_is_stopped_goes_on_where_it_was(
     with monkeypatch.context() as patch:
         patch.setattr(run, "runner", stopping)
         with pytest.raises(KeyboardInterrupt):
-            sledenv.study(pushed.study, tmp_path / "out", progress=False)
-    (tmp_path / "out" / "launches" / ".00003-half.parquet.99").touch()  # of a process that was killed
-    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "out" / "launches").glob("*.parquet")}
-    assert len(before) == 3
-    result = sledenv.study(pushed.study, tmp_path / "out", workers=1, progress=False)
-    assert contents(result) == contents(whole)
-    assert {path: path.stat().st_mtime_ns for path in before} == before
-
-
-def test_blocks_that_are_not_as_they_were_left_are_simulated_again(
-    pushed: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    """Oracle: the files as they were, after an edited number, a cut file and another block; the last is not touched."""
-    monkeypatch.setattr(run, "BLOCK", 80)
-    whole = sledenv.study(pushed.study, tmp_path / "out", workers=1, progress=False)
-    before, stamp = contents(whole), whole.files[3].stat().st_mtime_ns
-    edited, cut, other, _ = whole.files
+            sledenv.study(blocks.study, tmp_path / "out", progress=False)
+    places = [tmp_path / "out" / "launches" / file.name for file in blocks.files]
+    kept, edited, cut, other = places
+    assert sorted(kept.parent.glob("*.parquet")) == places[:3]
+    stamp = kept.stat().st_mtime_ns
     table = pd.read_parquet(edited)
     table.loc[5, "stop_m"] = 999.0
     table.to_parquet(edited, index=False)
     cut.write_bytes(cut.read_bytes()[:-100])
-    other.write_bytes(whole.files[3].read_bytes())
-    again = sledenv.study(pushed.study, tmp_path / "out", workers=1, progress=False)
-    assert contents(again) == before
-    assert whole.files[3].stat().st_mtime_ns == stamp
+    other.write_bytes(kept.read_bytes())
+    (kept.parent / ".00003-half.parquet.99").touch()
+    result = sledenv.study(blocks.study, tmp_path / "out", workers=1, progress=False)
+    assert contents(result) == contents(blocks)
+    assert kept.stat().st_mtime_ns == stamp
     told = [f"sledenv: simulating again, because it is not as it was left: {file}" for file in (edited, cut, other)]
     assert caplog.messages == told
 

@@ -217,7 +217,7 @@ class Problem:
 
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
         """Simulate one descent a context with launches of shape (n, k), on all cores."""
-        chosen = checked_actions(self.task.action_space, actions, len(contexts))
+        chosen = checked_actions(self.task.action_space, self.task.action_names, actions, len(contexts))
         return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 
     def expect(self, trials: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -326,7 +326,7 @@ class Problem:
         with blaming(whose, "act"):
             actions = agent.act(observations)
         try:
-            return checked_actions(self.action_space, actions, len(observations))
+            return checked_actions(self.action_space, self.task.action_names, actions, len(observations))
         except InvalidAction as error:
             raise ValueError(f"{whose}: {error}") from error
 

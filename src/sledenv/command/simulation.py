@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from sledenv.simulation.settings import Settings
 
 PICTURES: Final = ("strobe.png", "series.png")
+_HILLS: Final = 3  # contexts of a page to ride
 
 
 @Parameter(name="*")
@@ -213,17 +214,24 @@ def play(
     *,
     launch: Launch = _DRAWN,
     solver: Annotated[Solver, Surfaces] = "compliant",
+    runs: Annotated[tuple[Path, ...], Parameter(name="--run", metavar="RUN")] = (),
     html: File = Path("play.html"),
     json: Json = False,
 ) -> None:
-    """Write a page that simulates: body, surface, ground and launch are set there.
+    """Write a page that simulates: body, surface, ground and launch are set there; or one to ride.
 
     The page works in any browser, offline, and has the kernel itself, so that its numbers are those of Python. It opens
     with the descent of a scenario that simulate prints; without a scenario with a ride over bumps, and the options of a
     launch and the surfaces are none of it.
 
+    If the scenario has a rider and bumps, the page is one to ride: you trim each flight with the arrow keys, beside the
+    rides of a rule and of an agent. There are three slopes, that of the seed and of the two behind it.
+
     Parameters
     ----------
+    runs
+        Folder of a trained agent that rides beside you, or the name of one that ships; may be repeated (default: those
+        that ship for the scenario, or else the one that looks ahead).
     html
         The page.
     """
@@ -234,8 +242,10 @@ def play(
     from sledenv.pages.play import Played, play_page
     from sledenv.scenarios.scenario import load_scenario
 
-    if scenario is None and (launch != _DRAWN or solver != "compliant"):
-        raise ValueError("play: a launch or surfaces are asked for, of no scenario: name one, such as sled_rollers")
+    if scenario is None and (launch != _DRAWN or solver != "compliant" or runs):
+        raise ValueError(
+            "play: a launch, surfaces or a run are asked for, of no scenario: name one, such as sled_rollers"
+        )
     with ExitStack() as places:
         page = taken(places, "--html", replacing(html, ".html", ".htm"))
         if scenario is None:
@@ -243,12 +253,28 @@ def play(
             tell(f"play: wrote {html}", {"written": [html]}, json)
             return
         loaded = load_scenario(scenario)
-        context = loaded.sample(np.random.default_rng(launch.seed))
-        asked = {"spin": launch.spin, "speed": launch.speed}
-        if launch.orientation_deg is not None:
-            asked["orientation"] = math.radians(launch.orientation_deg)
-        context = context._replace(**{name: value for name, value in asked.items() if value is not None})
-        page.write_text(play_page(loaded, [Played(f"seed {launch.seed}", context)], solver), encoding="utf-8")
+        ride = loaded.rider is not None and loaded.has_track  # a plane has no take-offs but of rebounds
+        if runs and not ride:
+            raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
+        if ride and solver != "compliant":
+            raise ValueError(f"--solver = {solver!r}: must be compliant in a page to ride")
+        loaded = loaded.ride() if ride else loaded
+        orientation = None if launch.orientation_deg is None else math.radians(launch.orientation_deg)
+        given = {"orientation": orientation, "spin": launch.spin, "speed": launch.speed}
+        asked = {name: value for name, value in given.items() if value is not None}
+        seeds = range(launch.seed, launch.seed + (_HILLS if ride else 1))
+        contexts = [loaded.sample(np.random.default_rng(seed))._replace(**asked) for seed in seeds]
+        if ride:
+            from sledenv.benchmark.riders import ridden
+            from sledenv.pages.ride import Hill, ride_page
+
+            with working("play"):
+                others = ridden(loaded, np.array(contexts), runs)
+            names = [f"draw {seed}" for seed in seeds]
+            text = ride_page(loaded, [Hill(*one) for one in zip(names, contexts, others, strict=True)])
+        else:
+            text = play_page(loaded, [Played(f"seed {launch.seed}", contexts[0])], solver)
+        page.write_text(text, encoding="utf-8")
     named = {"scenario": loaded.id, "seed": launch.seed, "solver": solver, "written": [html]}
     tell(f"play: wrote {html}", named, json)
 

@@ -8,8 +8,8 @@ LAUNCH_ID = "sledenv/SledLaunch-v0"
 DESCENT_ID = "sledenv/SledDescent-v0"
 
 # More steps than an episode takes, so that they end none, and are known to what asks for a limit. The shipped scenarios
-# allow 200 rebounds.
-_MOST_LAUNCHES, _MOST_HOPS = 2, 1001
+# allow 1,000 rebounds.
+_MOST_LAUNCHES, _MOST_HOPS = 2, 1002
 
 
 def register() -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.scenarios.scenario import Context, Split, check_split
-from sledenv.simulation.rules import checked, checked_table, numbers_of
+from sledenv.simulation.rules import checked, checked_numbers, checked_rows, checked_table
 
 # (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -34,16 +34,22 @@ class Given(NamedTuple):
 
 
 def checked_actions(
-    space: spaces.Box, actions: Any, lanes: int, acting: slice | NDArray[np.intp] = slice(None)
+    space: spaces.Box,
+    names: Sequence[str],
+    actions: Any,
+    lanes: int | None = None,
+    acting: slice | NDArray[np.intp] = slice(None),
 ) -> NDArray[np.float64]:
-    """Return actions as numbers, shape (lanes, k).
+    """Return actions as numbers, shape (lanes, k), or (1, k).
 
     Parameters
     ----------
     space : Box
         Of one lane, shape (k,).
-    actions : array_like, shape (lanes, k)
-    lanes : int
+    names : sequence of str
+        What the k numbers are: columns of a DataFrame, in any order.
+    actions : DataFrame or array_like, shape (lanes, k), or of one lane alone Series or array_like, shape (k,)
+    lanes : int, optional
     acting : ndarray of int, optional
         Lanes whose actions count; all by default.
 
@@ -55,22 +61,20 @@ def checked_actions(
     Raises
     ------
     gymnasium.error.InvalidAction
-        If they have another shape, or naming the first that is not a number or lies outside the box.
+        If they have another shape or other columns, or naming the first that is not a number or lies outside the box.
     """
-    shape = (lanes, *space.shape)
+    shape = space.shape if lanes is None else (lanes, *space.shape)
     try:
-        given: NDArray[np.float64] = numbers_of("actions", actions, f"numbers of shape {shape}")
+        given: NDArray[np.float64] = checked_table("actions", actions, names)
     except (TypeError, ValueError) as error:
         raise InvalidAction(str(error)) from error
-    if given.shape[:1] != shape[:1]:
-        raise InvalidAction(f"actions have shape {given.shape}: must be {shape}")
-    if given.shape != shape:
-        raise InvalidAction(f"action has shape {given.shape[1:]}: must be {shape[1:]}")
+    if np.shape(actions) != shape:
+        raise InvalidAction(f"actions have shape {np.shape(actions)}: must be {shape}")
     within: NDArray[np.float64] = np.minimum(np.maximum(given, space.low), space.high)
     fine = np.abs(within - given) <= _SLACK  # NaN is not
     if not fine[acting].all():
-        lane = int(np.arange(lanes)[acting][np.argmin(fine[acting].all(axis=1))])
-        name = "action" if lanes == 1 else f"actions[{lane}]"
+        lane = int(np.arange(len(given))[acting][np.argmin(fine[acting].all(axis=1))])
+        name = "action" if len(given) == 1 else f"actions[{lane}]"
         bounds = f"[{space.low.min()}, {space.high.max()}]"
         hint = "; gymnasium.wrappers.ClipAction puts others there" if np.isfinite(given[lane]).all() else ""
         raise InvalidAction(f"{name} = {given[lane].tolist()}: must be within {bounds}{hint}")
@@ -89,16 +93,18 @@ def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
             if name not in Context._fields:
                 raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
             i = Context._fields.index(name)
-            column = numbers_of(f"context.{name}", value, "a number, or an array of them")
+            column = checked_numbers(f"context.{name}", value)
             if column.shape not in ((), (lanes,)):
                 raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
             for number in column.reshape(-1).tolist():
                 checked("context", name, number, Context.rules[i])
             fixed[:, i] = column
     elif context is not None:
-        rows = checked_table("context", context, Context._fields, Context.rules)
-        if len(rows) not in (1, lanes):
-            raise ValueError(f"context has {len(rows)} rows: must have one, or one a lane, {lanes}")
+        rows = checked_table("context", context, Context._fields)
+        shape, given = (lanes, FIELDS), np.asarray(context).shape
+        if given not in (shape, shape[1:]):
+            raise ValueError(f"context has shape {given}: must be {shape[1:]} or {shape}")
+        checked_rows("context" if len(given) == 1 else "context[{lane}]", Context, rows)
         fixed[:] = rows
     return fixed
 
@@ -112,8 +118,8 @@ def read_options(
     ----------
     options : mapping, optional
         ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-        an array of shape (lanes,), or a whole context or one a lane, shape (12,) or (lanes, 12); or a list of one a
-        lane, each a mapping, a whole context or None.
+        an array of shape (lanes,), or a whole context or one a lane, shape (12,) or (lanes, 12), of a Series or a
+        DataFrame by its names; or a list of one a lane, each a mapping, a whole context or None.
         ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
     default : str, optional
         The split where the options name none.

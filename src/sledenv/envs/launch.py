@@ -139,7 +139,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         episodes = self.episodes
         if not episodes.begun or episodes.ended[0]:
             raise ResetNeeded("call reset before step: no episode is under way")
-        step = episodes.step(_ONLY, checked_actions(self.action_space, [action], 1))
+        step = episodes.step(_ONLY, checked_actions(self.action_space, self.task.action_names, action))
         ends = step.terminated.item(), step.truncated.item()
         return episodes.seen[0].copy(), step.rewards.item(), *ends, only_lane(step.info)
 

@@ -178,7 +178,8 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         terminated, truncated = np.zeros((2, self.num_envs), np.bool_)
         info: dict[str, Any] = {}
         waiting, lanes = np.flatnonzero(ended), np.flatnonzero(~ended)
-        chosen = checked_actions(self.single_action_space, actions, self.num_envs, lanes)
+        names = self.task.action_names
+        chosen = checked_actions(self.single_action_space, names, actions, self.num_envs, lanes)
         if lanes.size:
             step = episodes.step(lanes, chosen[lanes])
             rewards[lanes], terminated[lanes], truncated[lanes] = step.rewards, step.terminated, step.truncated

@@ -6,6 +6,7 @@ tuples travel in it as JSON, in a section of its own.
 
 from __future__ import annotations
 
+import base64
 import importlib.util
 import json
 import math
@@ -13,6 +14,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, Final
@@ -140,6 +142,11 @@ def descent_input(body: Body, law: AnyLaw, slope: Slope, launch: State, settings
     }
     plain: dict[str, Any] = jsonable(given)
     return plain
+
+
+def packed_kernel() -> str:
+    """Return the kernel as a page holds it: deflated, in base 64."""
+    return base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii")
 
 
 # How the file is made, and read.

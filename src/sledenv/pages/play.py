@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import base64
 import json
 import math
-import zlib
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import fields, replace
 from typing import Any, Final, NamedTuple
@@ -14,7 +12,7 @@ import numpy as np
 
 from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
-from sledenv.pages.kernel import KERNEL, descent_input, jsonable
+from sledenv.pages.kernel import descent_input, jsonable, packed_kernel
 from sledenv.pages.scenes import drawn_body
 from sledenv.pages.still import Still, still
 from sledenv.plot.shapes import HARD, HOLD
@@ -197,7 +195,7 @@ def page_content(
         "hold": HOLD,
         "hard": HARD,
         "most_zones": MOST_ZONES,
-        "kernel": base64.b64encode(zlib.compress(KERNEL.read_bytes(), 9)).decode("ascii"),
+        "kernel": packed_kernel(),
     }
 
 

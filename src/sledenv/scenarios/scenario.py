@@ -36,7 +36,17 @@ from sledenv.scenarios.tracks import AHEAD, TRACKS, Bumps, profiles_of, standard
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.records import MOST_ZONES, params
-from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, RESTITUTION, STEEPNESS, Rule, checked, checked_choice, made
+from sledenv.simulation.rules import (
+    FINITE,
+    NOT_NEGATIVE,
+    RESTITUTION,
+    STEEPNESS,
+    Rule,
+    checked,
+    checked_choice,
+    checked_table,
+    made,
+)
 from sledenv.simulation.scene import (
     MOST_VERTICES,
     ContactLaw,
@@ -91,8 +101,9 @@ class Context(_ContextFields):
     """One draw from the ranges of a scenario: all that differs between two of its descents.
 
     ``seen`` are the fields that an agent may see, all but ``track``: its track is what it sees, and not a number.
-    Many contexts are an array of shape (N, 12) with these fields as columns. ``rules`` says what can be simulated,
-    whatever the ranges of a scenario are; a context is checked where it is used.
+    Many contexts are an array of shape (N, 12) with these fields as columns; methods of a scenario take a DataFrame of
+    them too. ``rules`` says what can be simulated, whatever the ranges of a scenario are; a context is checked where it
+    is used.
     """
 
     __slots__ = ()
@@ -380,7 +391,7 @@ class Scenario(Document):
         """
         if self.rider is None or self.rider.noise_rad_s == 0.0:
             return np.zeros(len(contexts))
-        return self.rider.noise_rad_s * standard_normals(contexts[:, _TRACK], decisions)
+        return self.rider.noise_rad_s * standard_normals(_rows_of(contexts)[:, _TRACK], decisions)
 
     def all_bodies(self) -> tuple[Body, ...]:
         """Return the bodies of the scenario, one of which is that of a context."""
@@ -414,7 +425,7 @@ class Scenario(Document):
         ValueError
             If it has no body there.
         """
-        shapes, most = contexts[:, _SHAPE], len(self.all_bodies()) - 1
+        shapes, most = _rows_of(contexts)[:, _SHAPE], len(self.all_bodies()) - 1
         wrong = ~((shapes >= 0.0) & (shapes <= most) & (shapes == np.floor(shapes)))
         if wrong.any():
             value = float(shapes[wrong][0])
@@ -427,6 +438,7 @@ class Scenario(Document):
 
     def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the contact laws of contexts of shape (N, 12): columns are the fields of ContactLaw, shape (N, 5)."""
+        contexts = _rows_of(contexts)
         law, (_, friction, restitution, *_) = self.contact, contexts.T
         fields = params.ContactLaw(
             stiffness=law.stiffness_n_m,
@@ -451,13 +463,14 @@ class Scenario(Document):
         Columns of rows are the fields of Slope, then those of each zone: NaN where it has no restitution or stiffness
         of its own.
         """
+        contexts = _rows_of(contexts)
         return SlopeTable(self._rows_of_slopes(contexts), self.profiles(contexts))
 
     def profiles(self, contexts: NDArray[np.float64]) -> list[Profile]:
         """Return the profiles of contexts of shape (N, 12): N if they have bumps, else the one of all."""
         if self.slope_section.bumps is None:
             return [self.slope_section.profile]
-        tracks, places = np.unique(contexts[:, _TRACK], return_inverse=True)
+        tracks, places = np.unique(_rows_of(contexts)[:, _TRACK], return_inverse=True)
         drawn = profiles_of(self._vertices(tracks))
         return [drawn[i] for i in places.tolist()]
 
@@ -473,7 +486,7 @@ class Scenario(Document):
         """
         if self.slope_section.bumps is None:
             return vertices_of(self.slope_section.profile)[np.newaxis]
-        return self._vertices(contexts[:, _TRACK])
+        return self._vertices(_rows_of(contexts)[:, _TRACK])
 
     @property
     def extent(self) -> tuple[float, float]:
@@ -591,6 +604,7 @@ class Scenario(Document):
         ``bodies`` takes the place of the scenario's body: one, or bodies or
         records of kernel.outline.BODY, one a context.
         """
+        contexts = _rows_of(contexts)
         _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
         records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))
         # Bumps begin as far from the launch as bodies reach.
@@ -637,6 +651,12 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
     # The turn keeps equal draws of two splits far apart, the cells unequal ones at least a little.
     within, cell = np.modf(_CELLS * np.modf(draws + i * _TURN)[0])
     return (cell + (i + 0.5 * within) / 3.0) / _CELLS
+
+
+def _rows_of(contexts: Any) -> NDArray[np.float64]:
+    """Return contexts as an array: one as it is, the columns of a DataFrame by name."""
+    known = type(contexts) is np.ndarray
+    return contexts if known else checked_table("contexts", contexts, Context._fields, Context.rules)
 
 
 def _alone(context: Context, **changes: float) -> NDArray[np.float64]:

@@ -157,17 +157,53 @@ def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[
         Naming the column that is unknown, missing, there twice or without numbers; the shape; masked numbers; or the
         row and the field, its value and the allowed range.
     """
-    columns = f"columns {', '.join(fields)}"
     if _is_series(given):
         given = given.to_frame().T.infer_objects()
     if is_frame(given):
         table = _columns_by_name(name, given, fields)
     else:
-        table = np.array(numbers_of(name, given, f"numbers, {columns}", fields), ndmin=2, order="C")
+        table = np.array(checked_numbers(name, given, fields), ndmin=2, order="C")
     if table.ndim != 2 or table.shape[1] != len(fields):
-        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), {columns}")
+        raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}){_named(fields)}")
     _check_columns(f"{name}[{{lane}}]", table, fields, rules)
     return table
+
+
+def checked_numbers(name: str, given: Any, fields: Sequence[str] = ()) -> np.ndarray:
+    """Return an array of floats, whatever its shape; TypeError for what is masked or holds no numbers."""
+    if isinstance(given, bool | np.bool_):
+        raise TypeError(f"{name} = {given!r}: must be a number or numbers{_named(fields)}")
+    if not _is_series(given):
+        _check_entries(name, given, fields)
+    try:
+        numbers = np.asarray(given)
+    except (ValueError, RuntimeError):  # rows of different lengths; a tensor that has a gradient
+        numbers = np.asarray(None)
+    if numbers.dtype.kind not in "iuf":
+        found = "True or False" if numbers.dtype.kind == "b" else numbers.dtype
+        raise TypeError(f"{name} holds {found}: must hold numbers{_named(fields)}")
+    return np.asarray(numbers, float)
+
+
+def checked_array(name: str, given: Any, rule: Rule) -> np.ndarray:
+    """Return a number, or an array of them of any shape, as floats.
+
+    Raises
+    ------
+    TypeError, ValueError
+        Naming the array or its entry, the value and what is allowed.
+    """
+    accepts, allowed = rule
+    try:
+        numbers = checked_numbers(name, given)
+    except TypeError as error:
+        raise TypeError(f"{error}, each {allowed}") from None
+    bad = ~accepts(numbers)
+    if bad.any():
+        where = np.unravel_index(int(np.argmax(bad)), numbers.shape)
+        index = f"[{', '.join(map(str, where))}]" if numbers.ndim else ""
+        raise ValueError(f"{name}{index} = {float(numbers[where])!r}: must be {allowed}")
+    return numbers
 
 
 def is_frame(given: Any) -> bool:
@@ -205,73 +241,27 @@ def _columns_by_name(name: str, given: Any, fields: Sequence[str]) -> np.ndarray
     return table
 
 
-def checked_array(name: str, given: Any, rule: Rule) -> np.ndarray:
-    """Return a number, or an array of them of any shape, as floats.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the array or its entry, the value and what is allowed.
-    """
-    accepts, allowed = rule
-    numbers: np.ndarray = numbers_of(name, given, f"numbers, each {allowed}")
-    bad = ~accepts(numbers)
-    if bad.any():
-        where = np.unravel_index(int(np.argmax(bad)), numbers.shape)
-        index = f"[{', '.join(map(str, where))}]" if numbers.ndim else ""
-        raise ValueError(f"{name}{index} = {float(numbers[where])!r}: must be {allowed}")
-    return numbers
+def _named(fields: Sequence[str]) -> str:
+    return f", columns {', '.join(fields)}" if fields else ""
 
 
-def numbers_of(name: str, given: Any, wanted: str, fields: Sequence[str] | None = None) -> np.ndarray:
-    """Return what a user gives as an array of floats, a new one.
-
-    Parameters
-    ----------
-    name : str
-        What messages call it.
-    given : array_like
-    wanted : str
-        What it must hold, for messages.
-    fields : sequence of str, optional
-        Names that tuples in it must have, if they have names.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming what it holds that is no number, or is an integer of more than 64 bits.
-    """
-    if not isinstance(given, bool | int | np.bool_):
-        _check_entries(name, given, wanted, fields)
-    try:
-        array = np.asarray(given)
-    except (ValueError, RuntimeError):  # rows of different lengths; a tensor that requires a gradient
-        array = np.asarray(None if hasattr(given, "requires_grad") else given, dtype=object)
-    if array.ndim == 0 and array.dtype.kind not in "iuf":
-        raise TypeError(f"{name} = {reprlib.repr(given)}: must be {wanted}")
-    if array.dtype.kind not in "iuf":
-        found = "True or False" if array.dtype.kind == "b" else array.dtype
-        raise TypeError(f"{name} holds {found}: must hold {wanted}")
-    return np.array(array, dtype=float)
-
-
-def _check_entries(name: str, given: Any, wanted: str, fields: Sequence[str] | None) -> None:
+def _check_entries(name: str, given: Any, fields: Sequence[str]) -> None:
     """Refuse what NumPy would take for numbers in lists, or take by position though it has other names."""
     if isinstance(given, tuple | list):
         for one in given:
             if type(one) is not float:  # as nearly all are
-                _check_entries(name, one, wanted, fields)
+                _check_entries(name, one, fields)
         other = getattr(given, "_fields", ())
-        if fields and other and tuple(other) != tuple(fields):
+        if other and tuple(other) != tuple(fields):
             found = f"a {type(given).__name__} of {', '.join(other)}"
             raise TypeError(f"{name} holds {found}: must have {', '.join(fields)}")
     elif isinstance(given, bool | np.bool_):
-        raise TypeError(f"{name} holds True or False: must hold {wanted}")
+        raise TypeError(f"{name} holds True or False: must hold numbers{_named(fields)}")
     elif isinstance(given, int) and not -(2**63) <= given < 2**64:
-        raise ValueError(f"{name} holds {reprlib.repr(given)}: must hold {wanted}; no integer of more than 64 bits")
+        raise ValueError(f"{name} holds {reprlib.repr(given)}: must hold no integer of more than 64 bits")
     elif isinstance(given, np.ma.MaskedArray):
-        raise TypeError(f"{name} is a masked array, or holds one: must hold {wanted}, without a mask")
-    elif fields and _is_series(given):
+        raise TypeError(f"{name} is a masked array, or holds one: must hold numbers, without a mask")
+    elif _is_series(given):
         raise TypeError(f"{name} holds a {type(given).__name__}: must be one DataFrame, or hold numbers")
 
 

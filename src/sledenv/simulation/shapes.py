@@ -19,7 +19,7 @@ from sledenv.simulation.outlines import (
     segment_moments,
     shifted,
 )
-from sledenv.simulation.rules import INERTIA, MEASURE, MEASURE_OR_0, NOT_NEGATIVE, PLACE, Rule, checked, numbers_of
+from sledenv.simulation.rules import INERTIA, MEASURE, MEASURE_OR_0, NOT_NEGATIVE, PLACE, Rule, checked, checked_numbers
 
 _HALF_ANGLE: Rule = (lambda v: (v >= 1e-40) & (v <= math.pi), "in [1e-40, pi] rad")  # or the inertia is no number
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
@@ -247,7 +247,7 @@ def hull(
 
 def _table(owner: str, name: str, given: Any, columns: int) -> Floats:
     """Return a table of lengths [m], shape (N, columns), N > 0."""
-    table: Floats = numbers_of(f"{owner}.{name}", given, "numbers")
+    table: Floats = checked_numbers(f"{owner}.{name}", given)
     if table.ndim != 2 or table.shape[1] != columns or not len(table):
         raise ValueError(f"{owner}.{name} has shape {table.shape}: must be (N, {columns})")
     for k, row in enumerate(table.tolist()):

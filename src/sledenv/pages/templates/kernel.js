@@ -1,6 +1,7 @@
 "use strict";
 /* The kernel in a page: descents with the bits of those that Python simulates. The WebAssembly file tells its own
    layouts, so no table of fields stands here. */
+const [FLY, WAIT] = [0, 1]; // what a lane does: kernel/batch.py
 class Kernel {
   /* Of the bytes of kernel.wasm; a promise. */
   static async load(bytes) {
@@ -18,12 +19,15 @@ class Kernel {
 
   /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
      zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant" or
-     "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory.
+     "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory. With
+     ride: { rotor_inertia [kg m^2], spins [rad/s] } it is a ride: it is followed to the first flight that is not too
+     short, and on by a hop with each of the spins lent; its status is "running" if it has not ended then.
 
-     Returns { status, outcome, rebounds, trajectory, contacts }: the name of the status; an object of numbers, with the
-     ledger; and tables as objects of columns, arrays of numbers with the names, units and order of REBOUND, TRAJECTORY
-     and CONTACT_FORCES in kernel/records.py. Of contacts there is one for each row of the trajectory and each contact
-     there, in this order, with t and row, that of the trajectory. */
+     Returns { status, outcome, rebounds, trajectory, contacts, takeoffs }: the name of the status; an object of numbers,
+     with the ledger; tables as objects of columns, arrays of numbers with the names, units and order of REBOUND,
+     TRAJECTORY and CONTACT_FORCES in kernel/records.py; and the outcomes so far at each place where a spin of a ride is
+     or can be lent. Of contacts there is one for each row of the trajectory and each contact there, in this order, with t
+     and row, that of the trajectory. */
   descend(given) {
     let room = given.rows === false ? 0 : 4096;
     for (;;) {
@@ -46,7 +50,7 @@ class Kernel {
     return { a: numbers.filter((_, i) => i % 2 === 0), b: numbers.filter((_, i) => i % 2 === 1) };
   }
 
-  #run({ body, law, slope, launch, limits = {}, solver = "compliant" }, room) {
+  #run({ body, law, slope, launch, limits = {}, solver = "compliant", ride = null }, room) {
     const rigid = solver === "rigid";
     const most = { ...this.layout.limits, ...limits };
     this.#clear();
@@ -63,22 +67,32 @@ class Kernel {
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
     for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
     this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-    const trims = { place: 0, lengths: [0, 3] };
+    const trims = ride ? this.#row([0, 0, 0]) : { place: 0, lengths: [0, 3] };
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
     const written = [flights, logs, rows, space];
     const ground = this.#pieces(slope.profile ?? []);
     const track = this.#row([0, ground.lengths[0]]);
     const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, track, ground, ...written, 1];
-    while (this.#get("SPACE", "lane", space.place) < 1) this.#call(...call);
-    const outcome = Object.fromEntries(
-      Object.keys(this.layout.records.OUTCOME.fields).map((name) => [name, this.#get("OUTCOME", name, flights.place)]),
-    );
+    const takeoffs = [];
+    let outcome;
+    let status;
+    for (const row of ride ? [[0, 1, WAIT], ...ride.spins.map((spin) => [spin, ride.rotor_inertia, FLY])] : [[]]) {
+      new Float64Array(this.memory.buffer, trims.place, row.length).set(row);
+      new Uint8Array(this.memory.buffer, space.place, this.layout.records.SPACE.size).fill(0);
+      while (this.#get("SPACE", "lane", space.place) < 1) this.#call(...call);
+      outcome = this.#record("OUTCOME", flights.place);
+      status = this.layout.status[outcome.status];
+      if (status !== "running") break;
+      takeoffs.push(outcome);
+    }
+    const trajectory = this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room));
     return {
-      status: this.layout.status[outcome.status],
+      status,
       outcome,
+      takeoffs,
       rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
-      trajectory: this.#columns("TRAJECTORY", rows.place, Math.min(outcome.samples, room)),
-      contacts: this.#contacts(rows.place, Math.min(outcome.samples, room)),
+      trajectory,
+      contacts: this.#contacts(rows.place, trajectory),
     };
   }
 
@@ -162,6 +176,12 @@ class Kernel {
     if (failed) throw new Error(`${name} has failed`);
   }
 
+  /* Numbers of a record by name. */
+  #record(record, place) {
+    const names = Object.keys(this.layout.records[record].fields);
+    return Object.fromEntries(names.map((name) => [name, this.#get(record, name, place)]));
+  }
+
   #get(record, name, place) {
     const [kind, offset] = this.layout.records[record].fields[name];
     const view = new DataView(this.memory.buffer);
@@ -192,21 +212,22 @@ class Kernel {
   }
 
   /* Copy the contacts of all rows of a trajectory into one table. */
-  #contacts(place, count) {
+  #contacts(place, { t: times, touching }) {
     const { size, fields } = this.layout.records.TRAJECTORY;
     const [record, first] = fields.contacts;
     const { size: step, fields: parts } = this.layout.records[record];
-    const [t, row, places] = [[], [], []];
-    for (let i = 0, there = place; i < count; i++, there += size)
-      for (let k = 0; k < this.#get("TRAJECTORY", "touching", there); k++) {
-        t.push(this.#get("TRAJECTORY", "t", there));
+    const [row, places] = [[], []];
+    touching.forEach((count, i) => {
+      for (let k = 0; k < count; k++) {
         row.push(i);
-        places.push(there + first + k * step);
+        places.push(place + i * size + first + k * step);
       }
-    const columns = { t: Float64Array.from(t), row: Int32Array.from(row) };
-    for (const [name, [kind]] of Object.entries(parts)) {
+    });
+    const columns = { t: Float64Array.from(row, (i) => times[i]), row: Int32Array.from(row) };
+    for (const [name, [kind, offset]] of Object.entries(parts)) {
       const of = kind === "f8" ? Float64Array : Int32Array;
-      columns[name] = of.from(places, (one) => this.#get(record, name, one));
+      const numbers = new of(this.memory.buffer);
+      columns[name] = of.from(places, (one) => numbers[(one + offset) / of.BYTES_PER_ELEMENT]);
     }
     return columns;
   }

@@ -7,17 +7,6 @@ let playing = false;
 let clock = 0;
 let selected = 0; // rebound
 
-function tell(text) {
-  $("problem").textContent = text;
-  $("problem").hidden = text === "";
-}
-
-/* Nothing can be simulated here. */
-function giveUp(text) {
-  tell(text);
-  document.querySelector("main").hidden = true;
-}
-
 /* The descent. */
 let asking = false;
 let again = false;
@@ -366,17 +355,8 @@ async function openPage() {
     tell("");
     return;
   }
-  if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
-    giveUp("This browser has no WebAssembly or cannot unpack it, so it cannot simulate. Any of the last years can.");
-    return;
-  }
-  let bytes;
-  try {
-    bytes = await unpacked(D.kernel);
-  } catch {
-    giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
-    return;
-  }
+  const bytes = await unpacked(D.kernel);
+  if (!bytes) return;
   tell("The first descent is being simulated."); // in place of what is said where no script runs
   live = new Pool(1, $("worker").textContent, bytes);
   crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);

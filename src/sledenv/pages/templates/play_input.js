@@ -1,8 +1,6 @@
 "use strict";
 /* What is simulated: parameters in their ranges, the address that holds them, the lines of Python that say the same. */
 const D = JSON.parse($("data").textContent);
-const SPECIAL = new Map(Object.entries({ Infinity, "-Infinity": -Infinity, NaN }));
-const parsed = (text) => JSON.parse(text, (_, value) => SPECIAL.get(value) ?? value);
 const E = parsed(D.exact); // numbers with all digits
 const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one]));
 const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];

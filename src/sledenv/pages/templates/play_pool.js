@@ -2,10 +2,31 @@
 /* Workers that simulate. One that takes too long over a task is ended and replaced, so that nothing hangs. */
 const PATIENCE = 2; // [s] for a descent
 
+function tell(text) {
+  $("problem").textContent = text;
+  $("problem").hidden = text === "";
+}
+
+/* Nothing can be simulated here. */
+function giveUp(text) {
+  tell(text);
+  document.querySelector("main").hidden = true;
+}
+
+/* Bytes of the kernel, or null if there is no use in going on. */
 async function unpacked(text) {
-  const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
-  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-  return new Response(stream).arrayBuffer();
+  if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
+    giveUp("This browser has no WebAssembly or cannot unpack it, so it cannot simulate. Any of the last years can.");
+    return null;
+  }
+  try {
+    const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
+    const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+    return await new Response(stream).arrayBuffer();
+  } catch {
+    giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
+    return null;
+  }
 }
 
 class Pool {

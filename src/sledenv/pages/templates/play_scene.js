@@ -29,27 +29,36 @@ function frictionAt(place, { law, slope }) {
 function drawable({ trajectory, rebounds, contacts }) {
   const names = ["t", "x", "y", "phi", "u", "v", "omega", "normal", "tangential", "rolling", "feature", "slip", "spin"];
   names.push(...D.flight_losses);
-  const rows = Object.fromEntries([...names, "touches"].map((name) => [name, []]));
   const touches = touchesOf(contacts, trajectory.t.length);
+  const [from, impacts] = [[], []]; // of each row: which of the trajectory it is of, and the rebound before which it is
   for (let i = 0, k = 0; i < trajectory.t.length; i++) {
     while (k < rebounds.t.length && (rebounds.duration[k] > 0 || rebounds.t[k] < trajectory.t[i])) k++;
     if (k < rebounds.t.length && rebounds.t[k] === trajectory.t[i]) {
-      for (const name of names) rows[name].push(rebounds[`${name}_before`]?.[k] ?? trajectory[name][i]);
-      rows.normal[rows.normal.length - 1] = rows.tangential[rows.tangential.length - 1] = 0;
-      rows.touches.push([]);
-      k++;
+      from.push(i);
+      impacts.push(k++);
     }
-    for (const name of names) rows[name].push(trajectory[name][i]);
-    rows.touches.push(touches[i]);
+    from.push(i);
+    impacts.push(null);
   }
+  const rows = {};
+  for (const name of names) {
+    const [column, ahead] = [trajectory[name], rebounds[`${name}_before`]];
+    const unloaded = name === "normal" || name === "tangential" ? 0 : null;
+    rows[name] = from.map((i, j) => (impacts[j] === null ? column[i] : (unloaded ?? ahead?.[impacts[j]] ?? column[i])));
+  }
+  rows.touches = from.map((i, j) => (impacts[j] === null ? touches[i] : []));
   return rows;
 }
 
 /* Contacts of each row, out of their table. */
 function touchesOf(contacts, count) {
   const found = Array.from({ length: count }, () => []);
-  const names = Object.keys(contacts);
-  contacts.row.forEach((row, k) => found[row].push(Object.fromEntries(names.map((name) => [name, contacts[name][k]]))));
+  const columns = Object.entries(contacts);
+  contacts.row.forEach((row, k) => {
+    const one = {};
+    for (const [name, column] of columns) one[name] = column[k];
+    found[row].push(one);
+  });
   return found;
 }
 
@@ -170,9 +179,7 @@ function strobe({ rows, input }) {
 
 /* The outline of the body, drawn once, at another place: quick enough to follow a hand. */
 function poseAt([x, y, phi]) {
-  const [from, to] = [scene.pixel(0, 0), scene.pixel(x, y)];
-  const turn = `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${from.map((one) => far(-one))})`;
-  return `<use href="#pose" opacity="0.35" class="pose" transform="${turn}"/>`;
+  return `<use href="#pose" opacity="0.35" class="pose" transform="${scene.moved({ x, y, phi })}"/>`;
 }
 
 /* Points of a path that are apart on the screen. */

@@ -130,6 +130,11 @@ const TASKS = {
     return { ...found, scene, contacts: { ...found.contacts, ...motions(found, scene.body) } };
   },
 
+  /* A ride, as far as spins are given for it, from the launch of its scene. */
+  ride({ scene, ride }) {
+    return descend({ ...scene, ride }, scene.launch);
+  },
+
   rewards({ scene, launches }) {
     return states(scene, launches).map((state) => descend(scene, state, false).jam.reward);
   },

@@ -3,6 +3,8 @@ const $ = (id) => document.getElementById(id);
 const clamp = (value, low, high) => Math.min(Math.max(value, low), high);
 
 /* Numbers and words. */
+const SPECIAL = new Map(Object.entries({ Infinity, "-Infinity": -Infinity, NaN }));
+const parsed = (text) => JSON.parse(text, (_, value) => SPECIAL.get(value) ?? value); // numbers with all digits
 const fixed = (value, digits, unit) =>
   value === null || Number.isNaN(value)
     ? "–"
@@ -77,8 +79,8 @@ const groundBetween = (profile, left, right) => [
 
 /* The slope, descending to the right, and the sled: slope-frame points [m] to pixels. */
 class Scene {
-  constructor({ slope, body, size }, points, width, [lowest, highest]) {
-    // points: of the slope frame, to be in sight
+  constructor({ slope, body, size, close }, points, width, [lowest, highest]) {
+    // points: of the slope frame, to be in sight; close: pixels per metre with which the sled is followed, 0 if never
     Object.assign(this, { slope, body, size, W: width, cosine: Math.cos(slope.angle), sine: Math.sin(slope.angle) });
     const low = [Infinity, Infinity];
     const top = [-Infinity, -Infinity];
@@ -101,8 +103,8 @@ class Scene {
     const wide = top[0] - low[0] + 2 * margin;
     const high = top[1] - low[1] + 2 * margin;
     this.scale = Math.min(width / wide, highest / high, 90 / size);
-    this.follow = this.scale * size < 10; // the sled would be too small to see
-    if (this.follow) this.scale = 45 / size;
+    this.follow = close === undefined ? this.scale * size < 10 : close > 0; // the sled would be too small to see
+    if (this.follow) this.scale = close ?? 45 / size;
     const written = slope.zones?.length ? 50 : 24; // room for what is written below the slope
     this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + written, lowest, highest);
     this.middle = this.follow ? this.world(...points[0]) : [0.5 * (low[0] + top[0]), 0.5 * (low[1] + top[1])];
@@ -141,6 +143,13 @@ class Scene {
     const c = Math.cos(phi);
     const s = Math.sin(phi);
     return shape.map(([a, b]) => this.at(x + a * c - b * s, y + a * s + b * c)).join(" ");
+  }
+
+  /* What puts something drawn at the origin to another place. */
+  moved({ x, y, phi }) {
+    const [from, to] = [this.pixel(0, 0), this.pixel(x, y)];
+    const back = from.map((one) => far(-one));
+    return `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${back})`;
   }
 
   sled(x, y, phi, attributes, touching = []) {

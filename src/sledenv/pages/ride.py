@@ -1,0 +1,95 @@
+"""A page to ride: a visitor trims the flights of a sled beside the rides of agents, which the kernel in it repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from sledenv.pages.html import filled
+from sledenv.pages.kernel import descent_input, packed_kernel
+from sledenv.pages.play import exact_text
+from sledenv.pages.scenes import drawn_body
+from sledenv.pages.still import still
+from sledenv.scenarios.scenario import Context, Scenario
+from sledenv.scenarios.sections import RiderSection
+from sledenv.simulation.simulate import simulate
+
+
+class Ridden(NamedTuple):
+    """A ride beside the visitor's."""
+
+    name: str
+    trims: Sequence[float]  # in [-1, 1], of one flight after the other
+
+
+class Hill(NamedTuple):
+    """A context that a visitor can ride in."""
+
+    name: str
+    context: Context
+    rides: Sequence[Ridden] = ()
+
+
+def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
+    """Return a page to ride, which needs no other file and no network: docs/browser.md.
+
+    Parameters
+    ----------
+    scenario : Scenario
+        With a rider; one of rides.
+    hills : sequence of Hill
+        What can be chosen, at least one; the first is chosen at first.
+
+    Raises
+    ------
+    ValueError
+        If the scenario has no rider, or there is no hill.
+    """
+    rider = scenario.rider
+    if rider is None:
+        raise ValueError(f"scenario {scenario.id} has no rider: must have one who can trim")
+    if not hills:
+        raise ValueError("hills is empty: must hold at least one")
+    first = hills[0].context
+    given = scenario.body(first), scenario.law(first), scenario.slope(first), scenario.launch(first)
+    untrimmed = simulate(*given, scenario.settings(), record="trajectory")
+    exact = {
+        "trim": rider.trim_rad_s,
+        "rotor_inertia": rider.rotor_inertia_kg_m2,
+        "hills": [_told(scenario, rider, hill) for hill in hills],
+    }
+    drawn = [drawn_body(scenario.body(hill.context)) for hill in hills]
+    content = {
+        "title": scenario.title,
+        "question": scenario.question,
+        "noise": rider.noise_rad_s,
+        "ends": " or ".join(scenario.settings().end_parts),
+        "exact": exact_text(exact),
+        "drawn": drawn,
+        "turns": ("nose up", "nose down") if "pieces" in drawn[0] else ("backwards", "forwards"),
+        "kernel": packed_kernel(),
+    }
+    return filled("ride.html", data=content, still=still(untrimmed))
+
+
+def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]:
+    """What the page must know of a context, all digits of its numbers."""
+    name, context, rides = hill
+    body = scenario.body(context)
+    scene = descent_input(
+        body, scenario.law(context), scenario.slope(context), scenario.launch(context), scenario.settings()
+    )
+    scene["limits"]["shortest_flight"] = rider.shortest_flight_s
+    most = scenario.limits.max_rebounds if rider.noise_rad_s > 0.0 else 0  # a ride has no more flights
+    errors = scenario.errors(np.array([context] * most).reshape(most, len(context)), np.arange(most))
+    return {
+        "name": name,
+        "scene": scene,
+        "errors": errors.tolist(),
+        "rides": [{"name": ride.name, "trims": [float(trim) for trim in ride.trims]} for ride in rides],
+        "parts": body.parts,
+        "ends": scenario.settings().end_parts,
+        "size": body.size,
+    }

@@ -1,0 +1,160 @@
+"""The page to ride: its rides are those of Python, and a visitor can ride with the keys alone."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+import pytest
+
+from sledenv.envs.task import Task
+from sledenv.pages.ride import Hill, Ridden, ride_page
+from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
+from sledenv.simulation.outcomes import Descent
+from tests.browser import Browser, at_speed, needs_chromium, patient, wait_until
+
+MOST_BYTES: Final = 700_000
+SEEDS: Final = (4, 5)
+LEFT, RIGHT = "\ue012", "\ue014"  # the arrow keys
+STANDS = "!asking && !looking && !going"
+
+
+def drawn(name: str, seed: int) -> tuple[Scenario, Context]:
+    scenario = load_scenario(name).ride()
+    return scenario, scenario.sample(np.random.default_rng(seed))
+
+
+def in_python(scenario: Scenario, context: Context, trims: Sequence[float]) -> Descent:
+    """The ride of some trims, and of none behind them."""
+    task, contexts = Task(scenario, ride=True), np.array([context])
+    ride = task.ride(contexts, scenario.launch(context))
+    ride.await_flight()
+    for number in range(1000):
+        if ride.status != "running":
+            break
+        trim = trims[number] if number < len(trims) else 0.0
+        (spin,) = task.spins(contexts, np.array([[trim]]), np.array([number])).tolist()
+        ride.trim(spin)
+        ride.hop()
+    return ride.descent()
+
+
+def page_of(name: str) -> str:
+    """Two hills, with a ride of many trims and one of none."""
+    hills = []
+    for seed in SEEDS:
+        scenario, context = drawn(name, seed)
+        steady = [Ridden("steady", [0.25] * 30), Ridden("a <rule>", [0.0] * 30)]
+        hills.append(Hill(f"draw {seed}", context, steady))
+    return ride_page(scenario, hills)
+
+
+@pytest.mark.parametrize("name", [name for name in scenario_names() if load_scenario(name).rider])
+def test_every_scenario_with_a_rider_has_a_page_that_refers_to_nothing_outside(name: str) -> None:
+    page = page_of(name)
+    assert len(page.encode()) < MOST_BYTES
+    assert not re.search(r"https?:|//[a-z]+\.|@import|<link|\bsrc=|url\((?!#)", page)
+    assert "default-src 'none'" in page
+
+
+def test_a_page_to_ride_needs_a_rider_and_a_hill() -> None:
+    scenario, context = drawn("paper_impact", 0)
+    with pytest.raises(ValueError, match="scenario paper_impact has no rider"):
+        ride_page(scenario, [Hill("drawn", context)])
+    with pytest.raises(ValueError, match="hills is empty"):
+        ride_page(load_scenario("sled_rollers"), [])
+
+
+# What a browser shows.
+
+
+@pytest.fixture
+def page(chromium: Browser, tmp_path: Path) -> Iterator[Browser]:
+    """The rider is unsteady: errors are part of each ride."""
+    file = tmp_path / "ride.html"
+    file.write_text(patient(page_of("sled_unsteady")), encoding="utf-8")
+    chromium.open(file)
+    wait_until(chromium, f"riders.length > 0 && {STANDS}")
+    yield chromium
+    assert chromium.log() == []  # no error, and no request that the page's policy refused
+
+
+def told(page: Browser, rider: int) -> list[float]:
+    """Time, place and reward of a ride, with all digits."""
+    numbers = page.run(
+        "const { outcome, jam } = riders[arguments[0]]; return [outcome.t, outcome.x, jam.reward].map(String)", rider
+    )
+    return [float(number) for number in numbers]
+
+
+def numbers_of(descent: Descent) -> list[float]:
+    return [descent.time, descent.state.x, descent.jam.reward]
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser) -> None:
+    """Oracle: ``Ride`` with the same trims and the errors of the context, bit for bit; so of the other rides."""
+    scenario, context = drawn("sled_unsteady", SEEDS[0])
+    at_speed(page, 50.0)
+    page.press("body", " ")
+    wait_until(page, f"atTakeoff() && {STANDS}")
+    assert page.run("return $('ahead').childElementCount") == 2  # the path to where it lands, and the pose there
+    trims = []
+    keys = RIGHT * 3, LEFT * 5, LEFT * 4
+    while not page.run("return isOver()"):
+        page.press("body", keys[len(trims) % len(keys)])
+        trims.append(page.run("return trimOf()"))
+        page.press("body", " ")
+        wait_until(page, f"(atTakeoff() || isOver()) && {STANDS}")
+    assert trims[:3] == [-0.15, 0.1, 0.3]
+    assert page.run("return you().trims") == trims
+    descent = in_python(scenario, context, trims)
+    assert told(page, 0) == numbers_of(descent)
+    for rider, trim in ((1, 0.25), (2, 0.0)):
+        assert told(page, rider) == numbers_of(in_python(scenario, context, [trim] * 30))
+    for rider in range(3):
+        shown = page.text(f".rider:nth-child({rider + 1}) .score")
+        assert shown == f"{told(page, rider)[-1]:.3f}"
+        assert shown in page.text("#words")
+    assert page.text(".rider:nth-child(1) .how").startswith(("fell at", "finished at"))
+    assert page.text("#go") == "Ride again"
+
+
+@needs_chromium
+@pytest.mark.jit_only
+def test_a_ride_does_not_stop_if_it_need_not_and_a_flight_can_be_taken_back(page: Browser) -> None:
+    """Oracle: ``Ride`` with as many trims as there were take-offs, all alike."""
+    scenario, context = drawn("sled_unsteady", SEEDS[1])
+    at_speed(page, 50.0)
+    page.run("$('hill').selectedIndex = 1; $('hill').dispatchEvent(new Event('input'))")
+    wait_until(page, f"hill === E.hills[1] && {STANDS}")
+    page.click("#through")
+    page.click("#up")
+    page.click("#go")
+    wait_until(page, f"isOver() && {STANDS}")
+    flights = page.run("return you().trims.length")
+    assert flights > 1
+    assert told(page, 0) == numbers_of(in_python(scenario, context, [0.05] * flights))
+    page.click("#back")
+    wait_until(page, f"atTakeoff() && {STANDS}")
+    assert page.run("return you().trims.length") == flights - 1
+    page.click("#go")
+    wait_until(page, f"isOver() && {STANDS}")
+    assert told(page, 0) == numbers_of(in_python(scenario, context, [0.05] * flights))
+    page.click("#again")
+    wait_until(page, f"time === 0 && {STANDS}")
+    assert page.text("#go") == "Start"
+
+
+@needs_chromium
+@pytest.mark.jit_only
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
+def test_a_ride_can_be_read_on_large_and_small_screens(page: Browser, width: int, height: int) -> None:
+    page.screen(width, height)
+    page.must_be_readable(width)
+    scores = page.run("return [...document.querySelectorAll('.how')].map(one => one.getBoundingClientRect().bottom)")
+    assert max(scores) <= height
