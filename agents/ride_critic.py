@@ -112,15 +112,10 @@ class Rides:
     problem : Problem
     settings : dict
     seed : int
-
-    Attributes
-    ----------
-    descents : int
-        That have ended so far.
     """
 
     def __init__(self, problem: Problem, settings: dict[str, Any], seed: int) -> None:
-        self.descents = 0
+        self.descents = 0  # that have ended
         self._lanes, self._flights_a_turn = settings["n_lanes"], settings["n_steps"]
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
@@ -239,16 +234,7 @@ class Agent:
 
 
 class _Learner:
-    """Fits a critic to the last flights.
-
-    Parameters
-    ----------
-    critic : Critic
-    settings : dict
-    turns : int
-        How many samples will have been added in the end.
-    seed : int
-    """
+    """Fits a critic to the last flights; ``turns`` is how many samples will have been added in the end."""
 
     def __init__(self, critic: Critic, settings: dict[str, Any], turns: int, seed: int) -> None:
         self.seen = 0  # flights
