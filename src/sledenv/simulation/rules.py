@@ -163,7 +163,7 @@ def checked_table(name: str, given: Any, fields: Sequence[str], rules: Sequence[
     if is_frame(given):
         table = _columns_by_name(name, given, fields)
     else:
-        table = np.array(numbers_of(name, given, f"numbers, {columns}", fields), ndmin=2, order="C")
+        table = np.atleast_2d(numbers_of(name, given, f"numbers, {columns}", fields))
     if table.ndim != 2 or table.shape[1] != len(fields):
         raise ValueError(f"{name} has shape {np.shape(given)}: must be (N, {len(fields)}), {columns}")
     _check_columns(f"{name}[{{lane}}]", table, fields, rules)
@@ -189,7 +189,7 @@ def checked_array(name: str, given: Any, rule: Rule) -> np.ndarray:
 
 
 def numbers_of(name: str, given: Any, wanted: str, fields: Sequence[str] = ()) -> np.ndarray:
-    """Return what a user gives as an array of floats, a new one.
+    """Return what a user gives as an array of floats, a new one in the order of C.
 
     Parameters
     ----------
@@ -218,7 +218,7 @@ def numbers_of(name: str, given: Any, wanted: str, fields: Sequence[str] = ()) -
             raise TypeError(f"{name} = {reprlib.repr(given)}: must be {wanted}")
         found = "True or False" if array.dtype.kind == "b" else array.dtype
         raise TypeError(f"{name} holds {found}: must hold {wanted}")
-    return np.array(array, dtype=float)
+    return np.array(array, dtype=float, order="C")
 
 
 def is_frame(given: Any) -> bool:
