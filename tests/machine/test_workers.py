@@ -68,22 +68,3 @@ def test_workers_end_with_a_parent_that_is_killed(killed: str, tmp_path: Path) -
     finally:  # a worker that lives on would hold the pipe of the tests as well
         with contextlib.suppress(ProcessLookupError):
             os.killpg(process.pid, signal.SIGKILL)
-
-
-@pytest.mark.skipif(sys.platform == "win32", reason="an orphan is not told")
-def test_an_interrupt_of_all_while_workers_are_started_is_told_by_their_parent_alone(tmp_path: Path) -> None:
-    """Oracle: what the parent and the workers have printed, once the last of them has ended."""
-    (tmp_path / "calls.py").write_text(CALLS)
-    (tmp_path / "made").mkdir()
-    (tmp_path / "sitecustomize.py").write_text(SLOW_START)
-    path = os.pathsep.join([str(tmp_path), *sys.path])
-    command = [sys.executable, str(tmp_path / "calls.py"), str(tmp_path / "made"), "4"]
-    with subprocess.Popen(
-        command, stderr=subprocess.PIPE, env=os.environ | {"PYTHONPATH": path}, start_new_session=True, text=True
-    ) as process:
-        while len(list(tmp_path.glob("*.started"))) < 2:
-            assert process.poll() is None
-            time.sleep(0.02)
-        time.sleep(0.5)  # until all have been asked for; they take longer
-        os.killpg(process.pid, signal.SIGINT)
-        assert process.communicate(timeout=120.0)[1].count("Traceback") <= 1

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from typing import Any
 
 from joblib import Parallel, delayed, parallel_config
@@ -41,27 +39,9 @@ def _through_joblib(workers: int) -> Runner:
         alike = {"inner_max_num_threads": 1, "initializer": _end_with, "initargs": (os.getpid(),)}
         count = min(workers, max(len(calls), 2))  # of one alone joblib makes no process
         with parallel_config(backend="loky", n_jobs=count, **alike):
-            with _without_interrupts():  # the workers are started here
-                made = Parallel(return_as="generator_unordered")(delayed(_call)(call, given) for call, given in calls)
-            yield from made
+            yield from Parallel(return_as="generator_unordered")(delayed(_call)(call, given) for call, given in calls)
 
     return run
-
-
-@contextmanager
-def _without_interrupts() -> Iterator[None]:
-    """Let processes that are started in this context ignore Ctrl-C, which a terminal sends to all of them.
-
-    Their parent ends them. One that is still importing would print a traceback.
-    """
-    if threading.current_thread() is not threading.main_thread():  # which alone may set a handler
-        yield
-        return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
 
 
 def _through_ray(address: str) -> Runner:
