@@ -22,6 +22,7 @@ from .train import run_folder, train, trained
 
 with needs("agents", "sledenv.agents.demo"):
     import matplotlib  # noqa: F401, what draws the picture at the end
+    import torch  # noqa: F401, with which the rider learns
 
 SCENARIO: Final = "sled_rollers"
 ALGORITHM: Final = "ride_critic"

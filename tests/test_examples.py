@@ -139,7 +139,7 @@ def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path
     made = make.results({"zero": np.full((1, 3), 0.4), "land_flat": np.full((1, 3), 0.2)})
     monkeypatch.setattr("sledenv.benchmark.scores.read_results", lambda folder: made)
     run([report])
-    assert (tmp_path / "runs/benchmark/full/report/index.html").is_file()
+    assert (tmp_path / "runs/benchmark/launch/report/index.html").is_file()
 
 
 def test_the_page_on_agents_judges_a_trained_one(monkeypatch, capsys):

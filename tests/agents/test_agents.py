@@ -21,7 +21,7 @@ from sledenv.agents.random_launch import Agent as Random
 from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import default_settings, run_folder, train, trained
 from sledenv.agents.zero import Agent as Zero
-from sledenv.benchmark import oracle
+from sledenv.benchmark import best_rides
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.machine.blame import GivenCodeError
@@ -307,15 +307,17 @@ def test_the_table_has_the_best_first_and_compares_context_by_context():
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
     monkeypatch.setattr(sledenv.agents.demo, "SEARCHED", 2)
-    for name, value in {"CELLS": 600, "SHOWN": 300, "STARTS": 4, "KEPT": 1, "DRAWS": 8, "JUDGED": (2, 16)}.items():
-        monkeypatch.setattr(oracle, name, value)
-    assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    for name, value in {"BRANCHES": 6, "WIDTHS": (0.3,), "SEARCHES": 1}.items():
+        monkeypatch.setattr(best_rides, name, value)
+    command = ["--out", str(tmp_path / "demo"), "--steps", "300"]
+    assert sledenv.agents.demo.main(command) == 0
     told = capsys.readouterr().out
     assert "over the first 2 contexts" in told
     scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
-    assert [score["agent"] for score in scores] == list(sledenv.agents.demo.ALGORITHMS)
-    listed = [line.split()[0] for line in told.partition("-----\n")[2].splitlines()[: len(scores)]]
-    assert listed == [score["agent"] for score in sorted(scores, key=lambda score: -score["mean"])]
+    assert [score["agent"] for score in scores] == ["no trims", "rule", "small", "shipped"]
+    listed = told.partition("-----\n")[2].splitlines()[: len(scores)]
+    for line, score in zip(listed, sorted(scores, key=lambda score: -score["mean"]), strict=True):
+        assert line.startswith(score["agent"])
     assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
-    assert sledenv.agents.demo.main(["--out", str(tmp_path / "demo")]) == 0
+    assert sledenv.agents.demo.main(command) == 0
     assert "already trained" in capsys.readouterr().out

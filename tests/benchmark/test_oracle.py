@@ -29,13 +29,16 @@ SEEN = [name for name in Context.seen if name not in ("friction", "restitution")
 
 @pytest.fixture(scope="module")
 def found() -> tuple[Problem, pd.DataFrame]:
-    """Best launches of a few contexts of sled_snow, at the speeds of the contexts."""
-    problem = Problem("sled_snow", control="orientation")
+    """Best launches of a few contexts of sled_mat."""
+    problem = Problem("sled_mat")
     return problem, best_launches(problem, problem.contexts("test", 6))
 
 
 def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_interval(found):
-    """Oracle: the simulator once more; a random search of the same box with ten times the draws of the launch noise."""
+    """Oracle: the simulator once more; a random search of the same box with ten times the draws of the launch noise.
+
+    Of the six contexts one may lie outside, and not far: with 95 % inside, two do in 3 % of such tests.
+    """
     problem, table = found
     contexts = table[list(Context._fields)].to_numpy()
     assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
@@ -43,7 +46,8 @@ def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_
     some = problem.expect(problem.scenes(contexts, 64, (9,)), tried)
     best = np.take_along_axis(tried, np.argsort(-some, axis=1)[:, :3, np.newaxis], axis=1)
     earned = problem.expect(problem.scenes(contexts, 640, (10,)), best).max(axis=1)
-    assert (earned <= table["high"]).all()
+    assert (earned > table["high"]).sum() <= 1
+    assert (earned <= table["high"] + 0.002).all()
     assert (table["uniform"] < table["low"]).all()
     assert (table["low"] < table["high"]).all()
     assert (table["high"] - table["low"]).median() < 0.01
@@ -147,7 +151,8 @@ def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
     table = best_launches(problem, contexts)
     assert np.array_equal(rewards_of(problem, contexts, actions_of(problem, table)), table["reward"])
     tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 500, problem.actions))
-    assert problem.expect(problem.trials(contexts, "test"), tried).max() <= 1.005 * table["reward"][0]
+    best = tried[:, problem.expect(problem.scenes(contexts, 64, (9,)), tried).argmax(axis=1)]  # by other draws
+    assert problem.expect(problem.trials(contexts, "test"), best).max() <= 1.005 * table["reward"][0]
     assert table["low"][0] < table["high"][0]
     cells = map_table(problem, contexts)
     assert len(cells) <= 3 * SHOWN
