@@ -35,8 +35,15 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from sledenv.simulation.rules import CLOSED_FRACTION, FINITE, NOT_NEGATIVE, POSITIVE, checked_array
+from sledenv.simulation.rules import CLOSED_FRACTION, FINITE, NOT_NEGATIVE, POSITIVE, Rule, checked_array
 
+# Of each argument what it may be, by its name.
+_ALLOWED: Final[dict[str, Rule]] = {
+    **dict.fromkeys(("mass", "inertia", "radius"), POSITIVE),
+    **dict.fromkeys(("friction", "rolling_arm"), NOT_NEGATIVE),
+    "restitution": CLOSED_FRACTION,
+    **dict.fromkeys(("u", "v", "omega"), FINITE),
+}
 FloatArray = npt.NDArray[np.float64]
 Values = float | FloatArray
 
@@ -101,7 +108,9 @@ class WheelImpact:
         return _RULES[self.branch]
 
 
-def _broadcast(**arrays: FloatArray) -> list[FloatArray]:
+def _checked(**given: npt.ArrayLike) -> list[FloatArray]:
+    """Return arguments as arrays of one shape, each checked by the rule of its name."""
+    arrays = {name: checked_array(name, value, _ALLOWED[name]) for name, value in given.items()}
     try:
         return list(np.broadcast_arrays(*arrays.values()))
     except ValueError:
@@ -168,16 +177,16 @@ def collide_wheel(
     >>> impact.scenario, round(impact.u, 3), round(impact.omega, 3)
     ('slide-roll', 1.85, -2.7)
     """
-    m, inertia_, r, f, delta, e, u0, v0, w0 = _broadcast(
-        mass=checked_array("mass", mass, POSITIVE),
-        inertia=checked_array("inertia", inertia, POSITIVE),
-        radius=checked_array("radius", radius, POSITIVE),
-        friction=checked_array("friction", friction, NOT_NEGATIVE),
-        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
-        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
-        u=checked_array("u", u, FINITE),
-        v=checked_array("v", v, FINITE),
-        omega=checked_array("omega", omega, FINITE),
+    m, inertia_, r, f, delta, e, u0, v0, w0 = _checked(
+        mass=mass,
+        inertia=inertia,
+        radius=radius,
+        friction=friction,
+        rolling_arm=rolling_arm,
+        restitution=restitution,
+        u=u,
+        v=v,
+        omega=omega,
     )
     with np.errstate(all="ignore"):  # of every input all branches are evaluated, and one is chosen
         fields = _solve(m, inertia_, r, f, delta, e, u0, v0, w0)
@@ -309,13 +318,13 @@ def is_stuck(
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     """
-    r, f, delta, e, u0, v0 = _broadcast(
-        radius=checked_array("radius", radius, POSITIVE),
-        friction=checked_array("friction", friction, NOT_NEGATIVE),
-        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
-        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
-        u=checked_array("u", u, FINITE),
-        v=checked_array("v", v, FINITE),
+    r, f, delta, e, u0, v0 = _checked(
+        radius=radius,
+        friction=friction,
+        rolling_arm=rolling_arm,
+        restitution=restitution,
+        u=u,
+        v=v,
     )
     stuck = (v0 <= 0.0) & (np.abs(u0) <= (1.0 + e) * np.abs(v0) * np.minimum(f, delta / r))
     return bool(stuck) if stuck.ndim == 0 else stuck
@@ -349,10 +358,10 @@ def wheel_stuck_ratio(
     TypeError, ValueError
         Naming the argument and the allowed range.
     """
-    e, f, delta, r = _broadcast(
-        restitution=checked_array("restitution", restitution, CLOSED_FRACTION),
-        friction=checked_array("friction", friction, NOT_NEGATIVE),
-        rolling_arm=checked_array("rolling_arm", rolling_arm, NOT_NEGATIVE),
-        radius=checked_array("radius", radius, POSITIVE),
+    e, f, delta, r = _checked(
+        restitution=restitution,
+        friction=friction,
+        rolling_arm=rolling_arm,
+        radius=radius,
     )
     return np.asarray((1.0 + e) * np.minimum(f, delta / r))

@@ -350,7 +350,7 @@ class Scenario(Document):
     @property
     def is_ride(self) -> bool:
         """Whether it is a question for a rider: there is one, and ground that is no plane."""
-        return self.rider is not None and self.extent[0] > 0.0
+        return self.rider is not None and self.has_track
 
     def ride(self) -> Scenario:
         """Return the scenario of rides, whose launches nobody chooses: a context draws what an agent might choose.
