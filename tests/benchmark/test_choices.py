@@ -103,7 +103,7 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
 
 @needs_chromium
 @pytest.mark.jit_only
-@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), ("sled_mat", 3)])
+@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), pytest.param("sled_mat", 3, marks=pytest.mark.slow)])
 def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the search of the benchmark, whose interval the expected reward of the best launch lies in."""
     problem, file = Problem(name), tmp_path / "map.html"
