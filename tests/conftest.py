@@ -2,8 +2,11 @@
 
 from collections import Counter
 
+import numpy as np
 import pytest
 from hypothesis import settings
+
+from sledenv.compiler.entries import INTERPRETED
 
 # How fast an example is depends on what else the machine does. The fast suite tries few examples of each property, the
 # slow one (-m slow) many.
@@ -14,6 +17,8 @@ settings.register_profile("many", deadline=None, derandomize=True, max_examples=
 def pytest_configure(config: pytest.Config) -> None:
     """Choose how many examples are tried."""
     settings.load_profile("many" if config.option.markexpr == "slow" else "few")
+    if INTERPRETED:
+        np.seterr(over="ignore")  # as compiled: a kernel overflows without a word
 
 
 @pytest.hookimpl(tryfirst=True)  # before those are left out that are not slow

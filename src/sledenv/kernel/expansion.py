@@ -19,6 +19,7 @@ from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
 
 MOST_TURN: Final = 1.0  # [rad] of a body in a step: the first term left out of sine and cosine is then 3e-15
 OF_CREST: Final = 0.2  # part of the distance from a crest to the centre of an arc that a step may go
+LONGEST: Final = 1e17  # [s] a step, so that all of its powers are finite
 
 
 @kernel
@@ -347,7 +348,7 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     Those of sine and cosine move arcs by at most ``tolerance`` times the size.
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
-    longest, turning = math.inf, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
+    longest, turning = LONGEST, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
     if turning > 0.0 and space["frozen"] == 0.0:
         longest = MOST_TURN / turning
     if contacts["count"] == 0:
