@@ -376,6 +376,29 @@ def test_a_window_shows_pictures_until_it_is_closed(renderer: DescentRenderer, d
     assert not pygame.display.get_init()
 
 
+def test_whoever_closes_the_window_of_the_process_ends_no_other_renderer(
+    renderer: DescentRenderer, descent: Descent
+) -> None:
+    """As reported in https://github.com/Farama-Foundation/MOMAland/pull/78: pygame has one window for all."""
+    other, image = DescentRenderer(DISC), renderer.frame(descent, 1.0)
+    for close in (other.close, pygame.display.quit, pygame.quit):
+        assert other.show(image)
+        assert renderer.show(image)
+        close()
+        assert renderer.show(image)
+        assert pygame.display.get_surface().get_size() == (960, 540)
+    DescentRenderer(DISC).close()  # which has shown nothing
+    assert pygame.display.get_init()
+
+
+def test_a_renderer_with_an_open_window_can_be_pickled(renderer: DescentRenderer, descent: Descent) -> None:
+    """As reported in https://github.com/eleurent/rl-agents/issues/84: what searches for plans copies environments."""
+    renderer.show(renderer.frame(descent, 1.0))
+    again = pickle.loads(pickle.dumps(renderer))
+    assert (again.frame(descent, 1.0) == renderer.frame(descent, 1.0)).all()
+    assert again.show(again.frame(descent, 1.0))
+
+
 def test_a_film_runs_at_the_rate_of_the_descent_but_for_its_impacts(descent: Descent) -> None:
     """Oracle: in flight a second of film is a second of the descent; a hard impact takes 0.6 s of film."""
     times = film_times(descent, 100.0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+import random
 
 import gymnasium as gym
 import numpy as np
@@ -444,6 +445,37 @@ def test_the_random_numbers_of_the_batch_are_those_of_gymnasiums_and_no_lanes(se
     assert env.np_random is not env.episodes.generators[0]
     env.reset(options={"reset_mask": np.array([False, True, True])}, seed=9)
     assert env.np_random.random() == np.random.default_rng(5).random(2)[1]
+
+
+@both_ids
+def test_episodes_neither_hear_nor_disturb_the_random_numbers_of_others(env_id):
+    """As reported in https://github.com/datamllab/rlcard/issues/125, of the streams that all of a process share."""
+    told = []
+    for seed in (1, 2):
+        np.random.seed(seed)  # noqa: NPY002
+        random.seed(seed)
+        before = np.random.get_state()[1].tolist(), random.getstate()  # noqa: NPY002
+        env, one = native(3, env_id=env_id), SCALAR[env_id](own_scenario("brake_mat"))
+        given = actions(np.random.default_rng(0), 3, env_id)
+        told.append([env.reset(seed=0), env.step(given), env.reset()])
+        told[-1] += [one.reset(seed=0), one.step(given[0]), one.reset()]
+        assert (np.random.get_state()[1].tolist(), random.getstate()) == before  # noqa: NPY002
+    assert equal(*told)
+
+
+@both_ids
+def test_actions_are_clipped_in_a_copy(env_id):
+    """As reported in https://github.com/rlworkgroup/garage/issues/273: the optimizer learns from what it gave."""
+    over = np.full((2, WIDTH[env_id]), 1.00005, np.float32)
+    env, one, within = native(2, env_id=env_id), SCALAR[env_id](own_scenario("brake_mat")), over.clip(-1.0, 1.0)
+    env.reset(seed=0)
+    begun = env.snapshot()
+    stepped = env.step(over)
+    env.restore(begun)
+    assert equal(stepped, env.step(within))
+    one.reset(seed=0)
+    one.step(over[0])
+    assert (over == np.float32(1.00005)).all()
 
 
 def test_vectorenv_is_among_the_direct_bases_of_a_batch():

@@ -6,6 +6,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
@@ -55,6 +56,20 @@ def test_a_profile_lies_beside_its_scenario(ground: Any, tmp_path: Path, monkeyp
         assert Scenario.model_validate(scenario.model_dump()) == scenario
     monkeypatch.chdir(tmp_path)
     assert Scenario.model_validate(changed(slope__profile_file="ground.csv")) == same
+
+
+def test_a_folder_may_have_any_name(tmp_path: Path) -> None:
+    """As reported in https://github.com/PySimulator/PySimulator/issues/17, of umlauts in paths."""
+    folder = tmp_path / "Hügel: 100 % #1 & {x} 雪"
+    folder.mkdir()
+    (folder / "Boden ß.csv").write_text("x_m,y_m\n-0.5,0\n1,0.25\n2,0\n", encoding="utf-8")
+    content = changed(slope__profile_file="Boden ß.csv")
+    (folder / "Öl.yaml").write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
+    same = Scenario.model_validate(changed(slope__profile_m=[[-0.5, 0], [1, 0.25], [2, 0]]))
+    env = gym.make("sledenv/SledLaunch-v0", scenario=str(folder / "Öl.yaml"))
+    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+    for scenario in (load_scenario(folder / "Öl.yaml"), env.unwrapped.task.scenario, again.unwrapped.task.scenario):
+        assert scenario == same
 
 
 def test_a_section_of_terrain_is_measured_over_its_own_plane(ground: Any) -> None:

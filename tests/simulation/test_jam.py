@@ -71,6 +71,17 @@ def test_tangential_loss_is_what_a_rebound_takes_of_the_speed() -> None:
     assert rebound_jam(rows, np.full(len(rows), 0.3)).tangential_loss.tolist() == [0.25, 1.0, 0.0, 0.75, 0.0, 0.0]
 
 
+def test_hardly_any_speed_or_friction_is_no_error_even_where_numpy_raises_them() -> None:
+    """As reported in https://github.com/librosa/librosa/issues/1484, of callers to whom each underflow is an error."""
+    rows = rebounds(u_before=[1e-320, 1e-320, 1e300], u_after=[1.0, 0.0, 1e-300], normal_impulse=1e300)
+    rows["tangential_impulse"] = 1e-300
+    with np.errstate(all="raise"):
+        jam = rebound_jam(rows, np.full(3, 0.3))
+        assert jam.grip.tolist() == [0.0, 0.0, 0.0]
+        assert jam.tangential_loss.tolist() == [0.0, 1.0, 1.0]
+        assert descent_jam(outcomes(u=[1e-200], supplied=36.0), 2.0, 10.0).reward.tolist() == [0.5]
+
+
 def test_stuck_is_nearly_stuck_too() -> None:
     """Oracle: the codes 0, 1 and 2 of the record."""
     jam = rebound_jam(rebounds(stuck=[0, 1, 2]), np.full(3, 0.3))

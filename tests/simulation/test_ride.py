@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import math
 import pickle
 
@@ -253,6 +254,22 @@ def test_lanes_have_bodies_of_their_own_and_get_others_with_a_launch(shared, lan
         assert found.outcomes[i] == alone.outcome
         assert found.jam.reward[i] == rides.descents(np.array([i])).jam.reward[0] == alone.jam.reward
     assert shared or np.array_equal(given, kept)
+
+
+def test_no_copy_moves_what_it_is_a_copy_of():
+    """As reported in https://github.com/facebookresearch/CompilerGym/pull/546, of copies that share a state."""
+    body, law, slope, launch = problem(own_scenario("ice_drop"), 1)
+    ride, batch = Ride(body, law, slope, launch), RideBatch(body, law, slope, [launch, launch], keep_rebounds=True)
+    for copied in (copy.copy, copy.deepcopy):
+        one, many = copied(ride), copied(batch)
+        one.run()
+        many.hop(np.zeros(2))
+        many.launch(np.array([1]), law._replace(friction=2.0), slope, [launch])
+        assert ride.state == launch
+        assert not batch.outcomes()["rebounds"].any()
+    batch.hop(np.zeros(2))
+    assert batch.outcomes()[0] == batch.outcomes()[1]
+    assert (batch.descents().rebounds == simulate(body, law, slope, launch).rebounds[:1]).all()
 
 
 def test_bodies_that_end_at_a_part_have_it_at_the_same_place():

@@ -382,6 +382,49 @@ def test_a_state_that_overflows_is_reported(launch: State) -> None:
     assert simulate(DISC, LAW, Slope(0.0), launch, max_time=10.0).status == Status.NON_FINITE
 
 
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_lane_that_overflows_changes_no_other(solver: str) -> None:
+    """As reported in https://github.com/Genesis-Embodied-AI/genesis-world/issues/3179: one NaN, and all are lost."""
+    launches = np.tile(LAUNCH, (5, 1))
+    launches[:, 5] = np.arange(5.0)
+    sound = simulate_batch(DISC, LAW, INCLINE, launches, solver=solver)
+    launches[2, [3, 5]] = 1e200, 1e250
+    batch = simulate_batch(DISC, LAW, INCLINE, launches, solver=solver)
+    assert batch.status[2] == Status.NON_FINITE
+    others = [0, 1, 3, 4]
+    assert batch.outcomes[others].tobytes() == sound.outcomes[others].tobytes()
+    assert np.isfinite(batch.jam.reward).all()
+
+
+def similar(size: float, time: float, mass: float, solver: str, profile: list[tuple[float, float]]) -> Any:
+    """Where and how the rebounds of a descent of another size, time scale and mass end, in units of these."""
+    speed, force = size / time, mass * size / time**2
+    corners = size * np.array([(0.0, 0.0), (1.0, 0.0), (1.25, 0.25), (0.125, 0.5)])
+    body = sledenv.polygon(20.0 * mass, corners, rounding=0.0625 * size)
+    law = ContactLaw(1e6 * force / size, 0.6, 0.15, 0.004 * size, 0.002 * size)
+    zone = sledenv.Zone(2.0 * size, 3.0 * size, 0.25, 0.01 * size)
+    slope = Slope(0.2, 12.0 * size, 9.81 * size / time**2, (zone,), tuple((size * x, size * y) for x, y in profile))
+    launch = State(0.0, 1.5 * size, 0.1, 3.0 * speed, -0.5 * speed, 0.7 / time)
+    rows = simulate(body, law, slope, launch, solver=solver, max_time=30.0 * time).rebounds
+    units = {"t": time, "x": size, "phi": 1.0, "u_after": speed, "omega_after": 1.0 / time, "peak_force": force}
+    return np.stack([rows[name] / unit for name, unit in units.items()], axis=-1)
+
+
+@pytest.mark.parametrize(
+    ("solver", "profile"),
+    [("compliant", []), ("rigid", []), ("compliant", [(1.0, 0.0), (2.5, 0.25), (4.0, 0.0), (5.5, 0.25), (7.0, -0.25)])],
+)
+def test_no_length_time_or_mass_is_large_or_small_in_itself(solver: str, profile: list[tuple[float, float]]) -> None:
+    """Oracle: similarity, from bodies of micrometres to those of megametres.
+
+    As reported in https://github.com/avianphysics/avian/issues/990, of tolerances in metres.
+    """
+    rebounds = similar(1.0, 1.0, 1.0, solver, profile)
+    assert len(rebounds) > 5
+    for units in ((2.0**-20, 2.0**-10, 2.0**-40), (2.0**20, 2.0**5, 2.0**30), (1.0, 2.0**-6, 1.0)):
+        assert similar(*units, solver, profile) == pytest.approx(rebounds, rel=1e-9, abs=1e-9), units
+
+
 @pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", scenario_names())
 def test_launches_of_a_scenario_end_properly_and_close_their_books(name: str, count: int) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -50,6 +51,25 @@ def test_laws_slopes_and_bodies_may_be_frames_too() -> None:
     ]
     one, other = (sledenv.simulate_batch(*given, LAUNCHES) for given in ((bodies, laws, slopes), frames))
     assert one.outcomes.tobytes() == other.outcomes.tobytes()
+
+
+def test_arrays_may_lie_in_memory_as_they_like_and_stay_as_they_are(tmp_path: Path) -> None:
+    """As reported in https://github.com/sktime/sktime/issues/3582, of the read-only arrays that joblib hands out."""
+    launches = LAUNCHES + np.array([0.0, 0.0, 2.0 * np.pi, 0.0, 0.0, 0.0])  # whole turns are taken off, in a copy
+    np.save(tmp_path / "launches.npy", launches)
+    laws = np.tile(LAW, (3, 1))
+    sealed = launches.copy()
+    sealed.setflags(write=False)
+    expected = sledenv.simulate_batch(BODY, LAW, SLOPE, launches.tolist()).outcomes.tobytes()
+    for given in (
+        *(launches, sealed, np.load(tmp_path / "launches.npy", mmap_mode="r"), np.asfortranarray(launches)),
+        *(np.repeat(launches, 2, axis=0)[::2], launches[::-1].copy()[::-1], launches.astype(">f8")),
+    ):
+        assert sledenv.simulate_batch(BODY, laws, SLOPE, given).outcomes.tobytes() == expected
+        rides = sledenv.RideBatch(BODY, laws, SLOPE, given)
+        rides.launch(np.array([0, 1]), LAW._replace(friction=0.5), SLOPE, given[1:])
+        assert (given == launches).all()
+        assert (laws == LAW).all()
 
 
 def test_a_masked_number_is_no_number() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING
 
 import numpy as np
 from gymnasium.error import DependencyNotInstalled
@@ -20,9 +19,6 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import Status
 from sledenv.simulation.scene import Slope, State
 from sledenv.simulation.words import mode_name, motion_words, part_name, quantity
-
-if TYPE_CHECKING:
-    import pygame
 
 _SMALLEST = (160, 90)  # [px]
 _STROBE_POSES = 18
@@ -64,7 +60,7 @@ class DescentRenderer:
         self.size = (int(size[0]), int(size[1]))
         self.fps = int(fps)
         self.draw(body)
-        self._window: pygame.Surface | None = None
+        self._open = False  # whether the window is this one's; pygame has one window for all of a process
         self._dismissed = False
 
     def draw(self, body: Body) -> None:
@@ -228,11 +224,13 @@ class DescentRenderer:
         if self._dismissed:
             return False
         height, width = image.shape[:2]
-        if self._window is None or self._window.get_size() != (width, height):
+        window = pygame.display.get_surface()  # somebody else may have closed it
+        if window is None or window.get_size() != (width, height):
             pygame.display.init()
-            self._window = pygame.display.set_mode((width, height))
+            window = pygame.display.set_mode((width, height))
             pygame.display.set_caption("sledenv")
-        self._window.blit(pygame.image.frombuffer(image.tobytes(), (width, height), "RGB"), (0, 0))
+        self._open = True
+        window.blit(pygame.image.frombuffer(image.tobytes(), (width, height), "RGB"), (0, 0))
         pygame.display.flip()
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
             self.close()
@@ -259,9 +257,9 @@ class DescentRenderer:
         """Close the window, if there is one; a later :meth:`show` opens a new one."""
         import pygame
 
-        if self._window is not None:
+        if self._open:
             pygame.display.quit()
-        self._window = None
+        self._open = False
         self._dismissed = False
 
 

@@ -50,6 +50,7 @@ SHOWN: Final[dict[str, Shown]] = {
 }
 
 
+@np.errstate(over="ignore", under="ignore")  # a speed may be a subnormal number
 def rebound_jam(rebounds: np.ndarray, friction: np.ndarray) -> ReboundJam:
     """Return the jam metrics of each row of ``rebounds`` (a REBOUND array) at its Coulomb coefficient of ``friction``.
 
@@ -65,6 +66,7 @@ def rebound_jam(rebounds: np.ndarray, friction: np.ndarray) -> ReboundJam:
     return ReboundJam(grip, np.clip(1.0 - kept, 0.0, 1.0), rebounds["stuck"] == 2, rebounds["stuck"] >= 1)
 
 
+@np.errstate(over="ignore", under="ignore")  # a speed may be too small to be squared
 def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length: np.ndarray | float) -> DescentJam:
     """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for bodies of ``mass`` [kg].
 

@@ -241,8 +241,10 @@ class Ride:
         return descent_of(*given, outcome, self._lane._rebounds[0], trajectory.copy(), settings)
 
     def copy(self) -> Self:
-        """Return an independent ride that stands where this one stands."""
+        """Return an independent ride that stands where this one stands, as ``copy.copy`` of it does."""
         return copy.deepcopy(self)
+
+    __copy__ = copy
 
     def _check_running(self) -> None:
         if self.status != Status.RUNNING:
@@ -259,7 +261,7 @@ class RideBatch(_Lanes):
     body, law, slope, launches, settings
         As for :func:`sledenv.simulate_batch`.
     keep_rebounds : bool
-        Keep the logs, N * max_rebounds records of 176 bytes.
+        Keep the logs, N * max_rebounds records of 184 bytes.
     rotor_inertia : float, optional
         Moment of inertia of the riders' rotors [kg m^2], > 0; without it no trim but 0 is possible.
     shortest_flight : float
@@ -361,12 +363,16 @@ class RideBatch(_Lanes):
         IndexError
             For a lane that is not there.
         """
-        chosen, taken = self._numbered(lanes), copy.copy(self)
+        chosen, taken = self._numbered(lanes), object.__new__(type(self))
+        vars(taken).update(vars(self))
         for name in ("_bodies", "_laws", "_slopes", "_launches", "_flights", "_tracks", "_rebounds"):
             rows = getattr(self, name)
             shared = len(rows) == 1 < len(self._flights) or not rows.size  # one for all lanes, or none
             setattr(taken, name, rows.copy() if shared else rows.take(chosen, axis=0))
         return taken
+
+    def __copy__(self) -> Self:
+        return self.take(np.arange(len(self._flights)))
 
     def await_flights(self, lanes: np.ndarray) -> None:
         """Go on to where a flight begins that is not too short, in lanes whose first flight may be: of numbers (n,).

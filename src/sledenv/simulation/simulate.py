@@ -165,7 +165,7 @@ def simulate_batch(
     settings : Settings, optional
         How all of them are simulated; the default ones otherwise.
     keep_rebounds : bool
-        Return the logs too, N * max_rebounds records of 176 bytes; :func:`simulate_blocks` gives them piece by piece.
+        Return the logs too, N * max_rebounds records of 184 bytes; :func:`simulate_blocks` gives them piece by piece.
     progress : bool
         Show a bar on standard error; needs tqdm.
     **fields
@@ -220,7 +220,7 @@ def simulate_blocks(
     block : int
         Launches simulated at a time, >= 1.
     keep_rebounds : bool
-        Give the logs too, block * max_rebounds records of 176 bytes at a time: 180 MB by default, and as much again
+        Give the logs too, block * max_rebounds records of 184 bytes at a time: 188 MB by default, and as much again
         while the caller still holds the block before.
     **fields
         As for :func:`simulate`.
