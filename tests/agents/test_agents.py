@@ -50,7 +50,7 @@ def quick(monkeypatch):
         if algo == "ride_critic":
             values |= {"n_timesteps": 300, "n_lanes": 10, "n_epochs": 1, "batch_size": 50, "checks": 1}
         if algo == "replan":
-            values |= {"trims": 3}
+            values |= {"spins": [3]}
         return values
 
     monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)
