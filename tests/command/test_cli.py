@@ -152,7 +152,9 @@ def test_scenarios_are_listed_with_what_they_ask(capsys: pytest.CaptureFixture[s
     assert main(["scenarios", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)
     assert [row["name"] for row in rows] == list(scenario_names())
-    assert next(row for row in rows if row["name"] == "sled_mat")["agent_chooses"] == ["spin"]
+    chosen = {row["name"]: row["agent_chooses"] for row in rows}
+    assert chosen["sled_mat"] == ["spin"]
+    assert chosen["sled_rollers"] == chosen["boulder_benches"] == ["trim"]  # of a ride nobody chooses the launch
 
 
 def test_the_launch_can_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:

@@ -166,16 +166,16 @@ def sensitivity(
 
 def scenarios(*, json: Json = False) -> None:
     """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
+    from sledenv.envs.task import TRIM
     from sledenv.machine.text_tables import fitted
     from sledenv.scenarios.scenario import load_scenario, scenario_names
     from sledenv.scenarios.sections import control_words
 
     shipped = [load_scenario(name) for name in scenario_names()]
-    rows = [
-        (one.id, control_words(one.control_bounds)[one.control.chosen], "compliant", one.question) for one in shipped
-    ]
+    chosen = [(TRIM,) if one.is_ride else control_words(one.control_bounds)[one.control.chosen] for one in shipped]
+    rows = [(one.id, controls, "compliant", one.question) for one, controls in zip(shipped, chosen, strict=True)]
     names = "name", "agent chooses", "solver", "what is asked"
-    cells = [(name, ", ".join(chosen), solver, question) for name, chosen, solver, question in rows]
+    cells = [(name, ", ".join(controls), solver, question) for name, controls, solver, question in rows]
     data = [dict(zip(("name", "agent_chooses", "solver", "question"), row, strict=True)) for row in rows]
     tell(fitted(names, cells, words=len(names)), data, json)
 
