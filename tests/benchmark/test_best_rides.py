@@ -70,3 +70,17 @@ def test_a_search_is_kept_and_does_not_depend_on_how_many_contexts_are_searched_
     assert len(calls) == 1
     assert len(list(tmp_path.iterdir())) == 1
     assert np.array_equal(first["reward"], table["reward"][:2])
+
+
+def test_a_search_in_blocks_keeps_the_draw_of_each_context_and_tells_how_far_it_is(monkeypatch, capsys):
+    """Oracle: the draws with which agents are judged."""
+    problem = Problem("sled_unsteady", "descent")
+    contexts = problem.contexts("test", 12)  # more than a block
+
+    def search(problem, scenes):
+        return pd.DataFrame({"error": scenes[:, -1]})
+
+    monkeypatch.setattr("sledenv.benchmark.oracle.best_rides", search)
+    table = best_found(problem, contexts, progress=True)
+    assert np.array_equal(table["error"], problem.trials(contexts, "test")[:, 0, -1])
+    assert "12/12" in capsys.readouterr().err

@@ -16,6 +16,7 @@ from scipy import stats
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
+from tqdm import tqdm
 
 from sledenv.benchmark.best_rides import SEARCH, best_rides, follow_plans
 from sledenv.benchmark.problem import Problem
@@ -138,13 +139,20 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     return table
 
 
-def best_found(problem: Problem, contexts: Contexts) -> pd.DataFrame:
+def best_found(problem: Problem, contexts: Contexts, *, progress: bool = False) -> pd.DataFrame:
     """Search the best of each context of an array of shape (n, 12): :func:`best_launches`, or of rides the best one.
 
     Of rides the table has the columns of :func:`sledenv.benchmark.best_rides.best_rides` behind the fields of the
-    context, for the draw with which agents are judged.
+    context, for the draw with which agents are judged. With ``progress`` a bar on standard error shows how far it is.
     """
-    return _best(problem, problem.trials(contexts, "test"))
+    trials = problem.trials(contexts, "test")
+    parts = [trials[start : start + BLOCK] for start in range(0, len(trials), BLOCK)]
+    tables = []
+    with tqdm(total=len(trials), desc="searching the best", unit=" contexts", disable=not progress) as bar:
+        for part in parts:
+            tables.append(_best(problem, part))
+            bar.update(len(part))
+    return pd.concat(tables, ignore_index=True)
 
 
 def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
