@@ -73,9 +73,10 @@ def plot_learning(results: Results, against: Literal["descents", "seconds"] = "d
     Returns
     -------
     Figure or None
-        None without learning curves.
+        None without learning curves, or without their seconds, which an agent need not tell.
     """
-    if results.curves.empty:
+    told = results.curves.dropna(subset=[against])
+    if told.empty:
         return None
     judged = regrets(results)
 
@@ -90,7 +91,7 @@ def plot_learning(results: Results, against: Literal["descents", "seconds"] = "d
             groups = curves.groupby("descents")
             at = groups["mean_reward"].agg(["mean", "min", "max"])
             along = at.index if against == "descents" else groups["seconds"].median()
-            colour, _ = look(agent, results.curves)
+            colour, _ = look(agent, told)
             ax.fill_between(along, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
             ax.plot(along, at["mean"], color=colour)
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))
@@ -100,7 +101,7 @@ def plot_learning(results: Results, against: Literal["descents", "seconds"] = "d
         Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"),
     ]
     words = {"descents": "simulated descents", "seconds": "seconds of training"}[against]
-    return _panels(results.curves, draw, words, "mean reward", _lines(results.curves) + levels)
+    return _panels(told, draw, words, "mean reward", _lines(told) + levels)
 
 
 def plot_regret(results: Results) -> Figure:
