@@ -81,6 +81,15 @@ def test_the_numbers_of_a_report_are_those_of_the_scores(tmp_path: Path) -> None
     assert "\N{MINUS SIGN}19.50 % [\N{MINUS SIGN}19.50, \N{MINUS SIGN}19.50]" in text
 
 
+def test_a_suite_of_rides_is_compared_with_the_baseline_of_rides_alone(tmp_path: Path) -> None:
+    agents = {"sac": np.full((2, 6), 0.005), "land_parallel": np.full((1, 6), 0.2)}
+    made = make.results(agents, environments=("descent",))
+    text = words(write_report(made, tmp_path / "report").read_text())
+    assert "clear of land parallel" in text
+    assert "clear of land flat" not in text
+    assert "not judged" not in text
+
+
 def test_a_folder_with_other_files_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "report").mkdir()
     (tmp_path / "report" / "notes.txt").write_text("mine")

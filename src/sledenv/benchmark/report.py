@@ -19,6 +19,7 @@ from sledenv.benchmark import figures
 from sledenv.benchmark.figures import label, title
 from sledenv.benchmark.scores import (
     BASELINES,
+    BASELINES_OF,
     GOOD_SCORE,
     LANDSCAPE,
     PROBLEM,
@@ -131,7 +132,7 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         table=table,
         agents=agents,
         learned={agent: label(agent) for agent in dict.fromkeys(table.loc[table["learned"], "agent"])},
-        baselines={agent: label(agent) for agent in BASELINES},
+        baselines={agent: label(agent) for agent in _baselines(table)},
         landscape=LANDSCAPE,
         present={agent: label(agent) for agent in BASELINES if agent in agents},
         small_regret=SMALL_REGRET,
@@ -153,6 +154,11 @@ def _page(results: Results, table: pd.DataFrame, pictures: dict[str, bytes]) -> 
         ],
         budgets=_budgets(runs).to_dict("records"),
     )
+
+
+def _baselines(table: pd.DataFrame) -> list[str]:
+    """Return the baselines of the environments in which agents were judged."""
+    return [name for environment in table["environment"].unique() for name in BASELINES_OF[environment]]
 
 
 def _grouped(table: pd.DataFrame, by: str | list[str]) -> list[list[dict[str, Any]]]:
@@ -183,13 +189,14 @@ def _leading(row: Mapping[str, Any]) -> list[str]:
 def _verdicts(table: pd.DataFrame) -> str:
     names = ["scenario", "best learned agent", "mean reward", "mean regret", "falls", "90th percentile"]
     names += [f"mean <= {SMALL_REGRET:.0%}", f"90th percentile <= {SMALL_TAIL:.0%}"]
-    names += [*(f"clear of {_words(name)}" for name in BASELINES), "all scores >= .9 (lowest)"]
+    baselines = _baselines(table)
+    names += [*(f"clear of {_words(name)}" for name in baselines), "all scores >= .9 (lowest)"]
     rows = [
         [
             _place(table, row["environment"], row["scenario"]),
             _text(row["agent"]),
             *(format(row[name], form) for name, form in _FORMS.items()),
-            *(_CHECKS[row[name]] for name in ("small_regret", "small_tail", *(f"clear_of_{n}" for n in BASELINES))),
+            *(_CHECKS[row[name]] for name in ("small_regret", "small_tail", *(f"clear_of_{n}" for n in baselines))),
             f"{_CHECKS[row['good_scores']]} ({row['lowest_score']:.2f})",
         ]
         for row in verdicts(table).to_dict("records")
