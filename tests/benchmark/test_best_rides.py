@@ -7,8 +7,10 @@ import pandas as pd
 import pytest
 
 from sledenv.benchmark.best_rides import best_rides, follow_plans
-from sledenv.benchmark.oracle import best_found, oracle
+from sledenv.benchmark.oracle import best_found, oracle, search_block
 from sledenv.benchmark.problem import Problem
+from sledenv.envs.inputs import FIELDS
+from sledenv.scenarios.scenario import Context
 
 
 class Plan:
@@ -70,6 +72,26 @@ def test_a_search_is_kept_and_does_not_depend_on_how_many_contexts_are_searched_
     assert len(calls) == 1
     assert len(list(tmp_path.iterdir())) == 1
     assert np.array_equal(first["reward"], table["reward"][:2])
+
+
+def test_blocks_that_were_searched_apart_are_put_together(found, tmp_path, monkeypatch):
+    """Oracle: the search of all contexts at once."""
+    problem, table = found
+    contexts, rides, searched = problem.contexts("test", 3), table.drop(columns=list(Context._fields)), []
+
+    def search(problem, scenes):
+        (row,) = np.flatnonzero((contexts == scenes[:, :FIELDS]).all(axis=1))
+        searched.append(int(row))
+        return rides.iloc[[row]]
+
+    monkeypatch.setattr("sledenv.benchmark.oracle.BLOCK", 1)
+    monkeypatch.setattr("sledenv.benchmark.oracle.best_rides", lambda *given: search(*given).reset_index(drop=True))
+    for start in (2, 0, 1):
+        search_block(problem, contexts, tmp_path, start)
+    pd.testing.assert_frame_equal(oracle(problem, contexts, tmp_path), table)
+    search_block(problem, contexts, tmp_path, 0)
+    assert searched == [2, 0, 1]
+    assert len(list(tmp_path.iterdir())) == 1
 
 
 def test_a_search_in_blocks_keeps_the_draw_of_each_context_and_tells_how_far_it_is(monkeypatch, capsys):

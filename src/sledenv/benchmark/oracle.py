@@ -164,26 +164,43 @@ def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
     done, so that a search that is stopped goes on.
     """
     trials = problem.trials(contexts, "test")
-    path = folder / f"oracle-{problem.scenario.id}-{_key(problem, trials)}.parquet"
+    path = _path(problem, trials, folder)
     table = _left(problem, path, trials)
     if table is not None:
         return table
-    folder.mkdir(parents=True, exist_ok=True)
     starts = range(0, len(contexts), BLOCK)
-    files = [path.with_name(f"{path.stem}-from{start:06d}.parquet") for start in starts]
-    blocks = []
-    for start, file in zip(starts, files, strict=True):
-        part = trials[start : start + BLOCK]
-        block = _left(problem, file, part)
-        if block is None:
-            block = _best(problem, part)
-            write_sealed(block, file)
-        blocks.append(block)
-    table = pd.concat(blocks, ignore_index=True)
+    table = pd.concat([_block(problem, trials, path, start) for start in starts], ignore_index=True)
     write_sealed(table, path)
-    for file in files:
-        file.unlink()
+    for start in starts:
+        _block_file(path, start).unlink()
     return table
+
+
+def search_block(problem: Problem, contexts: Contexts, folder: Path, start: int) -> None:
+    """Do a part of :func:`oracle`: search the ``BLOCK`` contexts from one on, unless they have been."""
+    trials = problem.trials(contexts, "test")
+    path = _path(problem, trials, folder)
+    if _left(problem, path, trials) is None:
+        _block(problem, trials, path, start)
+
+
+def _path(problem: Problem, trials: Contexts, folder: Path) -> Path:
+    folder.mkdir(parents=True, exist_ok=True)
+    return folder / f"oracle-{problem.scenario.id}-{_key(problem, trials)}.parquet"
+
+
+def _block_file(path: Path, start: int) -> Path:
+    return path.with_name(f"{path.stem}-from{start:06d}.parquet")
+
+
+def _block(problem: Problem, trials: Contexts, path: Path, start: int) -> pd.DataFrame:
+    """Return the table of a block of contexts, from its file if it has been searched before."""
+    file, part = _block_file(path, start), trials[start : start + BLOCK]
+    block = _left(problem, file, part)
+    if block is None:
+        block = _best(problem, part)
+        write_sealed(block, file)
+    return block
 
 
 def _best(problem: Problem, trials: Contexts) -> pd.DataFrame:

@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sledenv.benchmark.oracle import map_table, oracle
+from sledenv.benchmark.oracle import BLOCK, map_table, oracle, search_block
 from sledenv.benchmark.problem import TRIALS, Agent, Environment, Problem
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
 from sledenv.benchmark.scores import STATUSES
@@ -74,7 +74,8 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
         _warm_up(jobs[0])
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
         missing = [job for job in jobs if _found(suite, job, folder) is None]
-        calls: list[Call] = [(_search, (suite, *one, folder)) for one in suite.questions()]
+        starts = range(0, suite.contexts, BLOCK)
+        calls: list[Call] = [(_search, (suite, *one, folder, start)) for one in suite.questions() for start in starts]
         calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
         done = len(jobs) - len(missing)
         with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
@@ -109,11 +110,10 @@ def _found(suite: Suite, job: Job, folder: Path) -> pd.DataFrame | None:
     return read_sealed(_judged(suite, job, folder), "judging")
 
 
-def _search(suite: Suite, scenario: str, environment: Environment, folder: Path) -> str:
-    """Search the best launches or rides of the held-out contexts of a scenario."""
+def _search(suite: Suite, scenario: str, environment: Environment, folder: Path, start: int) -> str:
+    """Search the best launches or rides of a block of the held-out contexts of a scenario."""
     problem = suite.problem(scenario, environment)
-    contexts = problem.contexts("test", suite.contexts)
-    oracle(problem, contexts, folder / "searched")
+    search_block(problem, problem.contexts("test", suite.contexts), folder / "searched", start)
     return f"oracle of {problem.scenario.id}"
 
 
