@@ -86,7 +86,7 @@ def study(
     drawn = draws(one)
     one.check_bodies(one.values(drawn))
     files = _simulate(one, drawn, folder, out, run, progress)
-    tables = _tables(one, files, run)
+    tables = _tables(one, files, run, progress)
     result = StudyResult(one, folder, len(drawn), files, **tables)
     for name, table in tables.items():
         with replacing(folder / f"{name}.parquet", ".parquet") as part:
@@ -183,7 +183,7 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _tables(one: Study, files: tuple[Path, ...], run: Runner) -> dict[str, pd.DataFrame]:
+def _tables(one: Study, files: tuple[Path, ...], run: Runner, progress: bool) -> dict[str, pd.DataFrame]:
     """Make the tables of a study out of its blocks; the names are those of ``_TABLES``."""
     group = len(one.parameters) + 2
     ends = read_launches(files, ["status", *summary.OUTPUTS])
@@ -197,7 +197,8 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner) -> dict[str, pd.Da
         for name, output in summary.analysed(ends).items()
     ]
     order = {call[1][0]: i for i, call in enumerate(calls)}
-    found = sorted(run(calls), key=lambda table: order[table["output"].iloc[0]])
+    bar = tqdm(run(calls), total=len(calls), desc="indices", unit=" outputs", disable=not progress)
+    found = sorted(bar, key=lambda table: order[table["output"].iloc[0]])
     return {
         "shares": summary.shares(ends["status"], group),
         "quantiles": summary.quantiles(ends),
