@@ -147,6 +147,7 @@ BAD_PROFILES = [
     (3.0, TypeError, "Slope.profile = 3.0: must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"),
     ("hill", TypeError, "Slope.profile = 'hill': must be a sequence of pairs"),
     (None, TypeError, "Slope.profile = None: must be a sequence of pairs"),
+    ([(0.0, 0.0), (1.0, [2.0])], TypeError, "Slope.profile[1].y = [2.0]: must be a number"),
     ({0.0: 1.0}, TypeError, "Slope.profile = {0.0: 1.0}: must be a sequence of pairs"),
     ([(0.0, 0.0), 1.0], TypeError, "Slope.profile[1] = 1.0: must be a pair (x, y) of numbers"),
     ([(0.0, 0.0), (1.0, 2.0, 3.0)], TypeError, "Slope.profile[1] = (1.0, 2.0, 3.0): must be a pair"),

@@ -137,7 +137,8 @@ def _numbers(given: Any) -> Floats:
         raise TypeError(f"Slope.profile = {given!r}: {_PAIRS}")
     numbers = np.empty((len(given), 2))
     for k, vertex in enumerate(given):
-        if not isinstance(vertex, tuple | list | np.ndarray) or np.shape(vertex) != (2,):
+        listed = (len(vertex),) if isinstance(vertex, tuple | list) else ()
+        if (vertex.shape if isinstance(vertex, np.ndarray) else listed) != (2,):
             raise TypeError(f"Slope.profile[{k}] = {vertex!r}: must be a pair (x, y) of numbers")
         if isinstance(vertex, np.ma.MaskedArray):
             raise TypeError(f"Slope.profile[{k}] is a masked array: {_PAIRS}, without a mask")
