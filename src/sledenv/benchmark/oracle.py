@@ -143,7 +143,9 @@ def best_found(problem: Problem, contexts: Contexts, *, progress: bool = False) 
     """Search the best of each context of an array of shape (n, 12): :func:`best_launches`, or of rides the best one.
 
     Of rides the table has the columns of :func:`sledenv.benchmark.best_rides.best_rides` behind the fields of the
-    context, for the draw with which agents are judged. With ``progress`` a bar on standard error shows how far it is.
+    context, for the draw with which agents are judged: row i has the i-th draw of the launch noise, so that
+    ``contexts[5:]`` have other draws than with the first five. With ``progress`` a bar on standard error shows how far
+    it is.
     """
     trials = problem.trials(contexts, "test")
     parts = [trials[start : start + BLOCK] for start in range(0, len(trials), BLOCK)]
