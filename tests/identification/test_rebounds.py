@@ -424,6 +424,13 @@ def test_files_that_are_no_tables(tmp_path) -> None:
         identified(tmp_path / "rebounds.mat")
     with pytest.raises(OSError, match="cannot be read: No such file"):
         identified(tmp_path / "none.csv")
+    for text, message in (
+        ("# filmed\nv_before_m_s\n", "'# filmed': must name the columns"),
+        ("\xf6\n", "in UTF-8, but byte 1"),
+    ):
+        (tmp_path / "told.csv").write_text(text, encoding="latin-1")
+        with pytest.raises(ValueError, match=message):
+            identified(tmp_path / "told.csv")
     for name in ("empty.csv", "empty.parquet"):
         (tmp_path / name).write_text("")
         with pytest.raises(ValueError, match="is no table"):

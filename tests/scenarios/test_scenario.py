@@ -160,7 +160,9 @@ BOUNDS = "must be a pair [low, high] of numbers in"
         ("tags", "jam", "tags = 'jam': must be a list"),
         ("launch", 3, "launch = 3: must be a mapping of keys to values"),
         ("slope__length_m", DELETE, "slope.length_m: missing; must be a number in (0, inf) m"),
-        ("launch", DELETE, "launch: missing"),
+        ("launch", DELETE, "launch: missing; must be a mapping with speed_m_s, drop_m"),
+        ("control", DELETE, "control: missing; must be a mapping with orientation_deg, spin_rad_s"),
+        ("body", DELETE, f"body: missing; must be a mapping with kind, one of {KINDS}"),
     ],
 )
 def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: str, value: Any, message: str) -> None:
@@ -436,7 +438,7 @@ def cornered(*points: Any) -> dict[str, Any]:
         (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
         (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
         (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
-        (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1]: must differ from the next one"),
+        (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1] = [1.0, 0.0]: must differ from the next one"),
         (
             cornered([0, 0], [1, 0], [1, 1], [0.9, 0.1]),
             "body: points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; ",

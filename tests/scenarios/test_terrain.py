@@ -115,11 +115,12 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
         ("x_m,y_m,x_m\n0,1,2\n", "line 1 = 'x_m,y_m,x_m': must name the columns"),
         ("x_m,y_m\n0,1\n", "holds 1 vertices: must hold at least 2"),
         ("#\nx_m,y_m\n0,1\n\n1,2,3\n", "line 5: has 3 values: must have 2, x_m, y_m"),
-        ("x_m,y_m\n0,1\n1,2 m\n", "line 3: y_m = '2 m': must be a finite number of metres"),
+        ("x_m,y_m\n0,1\n1,2 m\n", "line 3: y_m = '2 m': must be a finite number of metres, with a decimal point"),
+        ('x_m,y_m\n0,1\n1,"2,5"\n', "line 3: y_m = '2,5': must be a finite number of metres, with a decimal point"),
         ("x_m,y_m\n0,1\n1,nan\n", "line 3: y_m = 'nan': must be a finite number of metres"),
         (
             "x_m,y_m\n0,1\n1,\n2,0\n",
-            "line 3: y_m = '': must be a finite number of metres; leave out the line where nothing is known: the",
+            "line 3: y_m = '': must be a finite number of metres, with a decimal point; leave out the line where",
         ),
         (
             "x_m,y_m\n0,0\n2,0\n1,0\n3,0\n",
@@ -146,6 +147,14 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
 )
 def test_what_is_wrong_with_a_file_is_told_by_its_line(ground: Any, text: str, message: str) -> None:
     assert refusal(ground, text, slope__angle_deg=45).startswith(message)
+
+
+def test_a_file_in_another_encoding_is_told(ground: Any, tmp_path: Path) -> None:
+    """As spreadsheets write "Unicode text"."""
+    file = tmp_path / "ground.csv"
+    file.write_text("x_m,y_m\n0,0\n1,0\n", encoding="utf-16")
+    with pytest.raises(ScenarioError, match=r"slope\.profile_file = .*: must be text in UTF-8, but byte 1 is not"):
+        Scenario.model_validate(changed(slope__profile_file=str(file)))
 
 
 def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(ground: Any) -> None:

@@ -455,7 +455,8 @@ def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
             "once around",
             id="pentagram",
         ),
-        pytest.param([*SQUARE, SQUARE[3]], "polygon.points[3]: must differ from the next one", id="twice"),
+        pytest.param([*SQUARE, SQUARE[3]], f"polygon.points[3] = {[*map(float, SQUARE[3])]}: must differ", id="twice"),
+        pytest.param([*SQUARE, SQUARE[0]], "must differ from the next one; the last joins the first", id="closed"),
         pytest.param([[0.0, 0.0, 0.0]], "polygon.points has shape (1, 3): must be (N, 2)", id="spatial"),
         pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be in [-1e+50, 1e+50]", id="nan"),
         pytest.param(

@@ -38,6 +38,8 @@ def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
         return _read_csv(file) if kind == ".csv" else pd.read_parquet(file)
     except OSError as error:
         raise OSError(f"{file} cannot be read: {error.strerror or error}") from error
+    except UnicodeDecodeError as error:
+        raise ValueError(f"{file} is no table: must be text in UTF-8, but byte {error.start + 1} is not") from error
     except ValueError as error:  # of pandas and of pyarrow, whose errors are this one as well
         raise ValueError(f"{file} is no table: {error}") from error
 
@@ -50,6 +52,10 @@ def _read_csv(file: Path) -> pd.DataFrame:
     named = pd.read_csv(file, header=None, nrows=1, dtype=str, skip_blank_lines=False, skipinitialspace=True)
     if named.shape[1] == table.shape[1]:  # pandas numbers names that are there twice
         table.columns = named.iloc[0].fillna("").str.strip()
+    if str(table.columns[0]).startswith("#"):
+        raise ValueError(
+            f"its first line is {str(table.columns[0])!r}: must name the columns; comments are not skipped"
+        )
     if len(table.columns) == 1:  # as spreadsheets write them where the comma is the decimal sign
         for sign, name in ((";", "semicolons"), ("\t", "tabs")):
             if sign in str(table.columns[0]):

@@ -178,6 +178,7 @@ class Section(BaseModel):
         match error["type"]:
             case "missing":
                 accepted = [mark.allowed for mark in fields[key].metadata if isinstance(mark, Quantity)]
+                accepted += _needed(fields[key].annotation)
                 return f"{path}: missing" + "".join(f"; must be {allowed}" for allowed in accepted)
             case "extra_forbidden":
                 return f"{path} = {value}: unknown key{_hint(key, fields)}; known: {', '.join(fields)}"
@@ -226,6 +227,17 @@ def _kinds(annotation: Any) -> dict[str, type[Section]]:
         kinds = get_args(annotation.model_fields["kind"].annotation) if "kind" in annotation.model_fields else ()
         return {str(next(iter(kinds), annotation.__name__)): annotation}
     return {name: kind for inner in get_args(annotation) for name, kind in _kinds(inner).items()}
+
+
+def _needed(annotation: Any) -> list[str]:
+    """Return what a key that must hold a section accepts; of any other key nothing."""
+    kinds = _kinds(annotation)
+    if len(kinds) > 1:
+        return [f"a mapping with kind, one of {', '.join(kinds)}"]
+    if annotation not in kinds.values():
+        return []
+    names = [name for name, field in annotation._fields().items() if field.is_required()]
+    return [f"a mapping with {', '.join(names)}"]
 
 
 class Document(Section):

@@ -93,11 +93,14 @@ def _rows(path: str) -> tuple[tuple[str, ...], list[int], list[list[str]], tuple
     rows: list[list[str]] = []
     with Path(path).open(encoding="utf-8-sig", newline="") as file:
         reader = csv.reader(file)
-        for row in reader:
-            cells = [cell.strip() for cell in row]
-            if any(cells) and not cells[0].startswith("#"):
-                lines.append(reader.line_num)
-                rows.append(cells)
+        try:
+            for row in reader:
+                cells = [cell.strip() for cell in row]
+                if any(cells) and not cells[0].startswith("#"):
+                    lines.append(reader.line_num)
+                    rows.append(cells)
+        except UnicodeDecodeError as problem:
+            raise ValueError(f"must be text in UTF-8, but byte {problem.start + 1} is not") from problem
     header = rows[0] if rows else []
     named = tuple(name for name in header if name != MATERIAL)
     if sorted(named) not in (sorted(FLAT), sorted(TERRAIN)) or len(set(header)) < len(header):
@@ -126,7 +129,9 @@ def _numbers(header: tuple[str, ...], texts: list[str], line: int) -> list[float
             gap = (
                 "" if text else "; leave out the line where nothing is known: the ground is straight between the others"
             )
-            raise ValueError(f"line {line}: {name} = {text!r}: must be a finite number of metres{gap}")
+            raise ValueError(
+                f"line {line}: {name} = {text!r}: must be a finite number of metres, with a decimal point{gap}"
+            )
         found.append(number)
     return found
 

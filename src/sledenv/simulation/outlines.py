@@ -227,7 +227,10 @@ def polygon_of(points: Floats, rounding: float, parts: Sequence[str], sides: Seq
     along = np.roll(points, -1, axis=0) - points
     lengths = np.array([math.hypot(*side) for side in along.tolist()])
     if not lengths.min() > 0.0:
-        raise ValueError(f"polygon.points[{int(lengths.argmin())}]: must differ from the next one")
+        k = int(lengths.argmin())
+        raise ValueError(
+            f"polygon.points[{k}] = {points[k].tolist()}: must differ from the next one; the last joins the first"
+        )
     after = along / lengths[:, np.newaxis]  # directions of the sides before and after each corner
     before = np.roll(after, 1, axis=0)
     turns = before[:, 1] * after[:, 0] - before[:, 0] * after[:, 1]  # their sines, positive if clockwise
