@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from sledenv.scenarios.scenario import scenario_names
+
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "agents", "configs", "perf", "tests", "examples", "docs")
 PAGES = [
@@ -55,3 +57,16 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     assert [path for path in sorted(paths) if not any(f"/{path}" in one for one in there)] == []
     names = {word for span in spans - paths for word in words(span)} | {word for word in words(drawn) if "_" in word}
     assert sorted(names - known) == []
+
+
+def test_each_scenario_has_its_row_in_the_page_on_environments() -> None:
+    """The paper's impact, which is for checks, is told in words."""
+    page = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
+    assert [name for name in scenario_names() if f"\n| `{name}` |" not in page] == ["paper_impact"]
+
+
+def test_make_trains_each_agent_that_ships() -> None:
+    """Oracle: the folders of agents/trained."""
+    lists = re.findall(r"^(?:LAUNCHES|RIDES) = (.+)$", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE)
+    folders = [path.name.partition("-")[0] for path in (ROOT / "agents" / "trained").iterdir() if path.is_dir()]
+    assert sorted(" ".join(lists).split()) == sorted(folders)
