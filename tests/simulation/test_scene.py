@@ -141,6 +141,8 @@ def test_heights_go_straight_from_vertex_to_vertex_and_level_beyond() -> None:
         slope.height_at([-9.0, -1.0, -0.25, 0.0, 1.0, 2.0, 9.0]), [0, 0, 0.75, 1, 0.75, 0.5, 0.5]
     )
     assert slope.height_at(1.0).shape == ()
+    with pytest.raises(TypeError, match="x = 'there': must be numbers"):
+        slope.height_at("there")  # type: ignore[arg-type]
 
 
 BAD_PROFILES = [

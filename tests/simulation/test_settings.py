@@ -52,6 +52,11 @@ def test_a_wrong_field_is_named(bad: dict[str, Any], error: type[Exception], mes
     assert str(caught.value).startswith(f"Settings.{message}")
 
 
+def test_an_unknown_field_of_a_simulation_is_named_with_those_there_are() -> None:
+    with pytest.raises(TypeError, match=r"^tol: is no field of Settings; it has solver, max_time, .*tolerance"):
+        simulate(*PROBLEM, tol=1e-8)  # type: ignore[call-arg]
+
+
 def test_settings_are_plain_numbers_that_cannot_be_changed() -> None:
     """Oracle: the types; another object with the same fields; the words that would make it."""
     given = Settings(

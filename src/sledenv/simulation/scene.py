@@ -25,6 +25,7 @@ from sledenv.simulation.rules import (
     checked,
     checked_fields,
     made,
+    numbers_of,
     or_absent,
 )
 
@@ -443,7 +444,7 @@ class Slope(Checked, _SlopeFields):
 
     def height_at(self, x: ArrayLike) -> np.ndarray:
         """Height [m] of the ground over the plane of the slope at places ``x`` [m] along it, same shape."""
-        places = np.asarray(x, float)
+        places = numbers_of("x", x, "numbers")
         if not self.profile:
             return np.zeros(places.shape)
         return np.asarray(np.interp(places, *self.vertices.T))

@@ -145,6 +145,9 @@ DEFAULT: Final = Settings()
 def changed(settings: Settings | None, **fields: Unpack[Fields]) -> Settings:
     """Return settings, the default ones for None, with some fields in place of theirs; raises as :class:`Settings`."""
     settings = checked_settings(settings)
+    wrong = [name for name in fields if name not in vars(settings)]
+    if wrong:
+        raise TypeError(f"{wrong[0]}: is no field of Settings; it has {', '.join(vars(settings))}")
     given: dict[str, Any] = {name: value for name, value in fields.items() if value is not None}
     return Settings(**vars(settings) | given) if given else settings
 
