@@ -216,4 +216,6 @@ class Suite(Document):
                 f"suite {self.id}: agent {module}, variants: {unknown[0]!r} is no setting; there are {known}"
             )
         settings |= changes
-        return settings | {"n_timesteps": self.steps} if self.steps is not None and "n_timesteps" in settings else settings
+        return (
+            settings | {"n_timesteps": self.steps} if self.steps is not None and "n_timesteps" in settings else settings
+        )
