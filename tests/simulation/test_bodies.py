@@ -495,3 +495,9 @@ def test_a_lamina_has_its_mass_centre_in_its_middle() -> None:
     assert body.inertia == pytest.approx(same.inertia, rel=1e-14)
     for arc, other in zip(body.arcs, same.arcs, strict=True):
         assert arc[:4] == pytest.approx(other[:4], abs=1e-15)
+
+
+def test_a_needle_has_no_room_for_rounding():
+    """A corner of some 1e-9 rad turns by pi in floating point: no radius is left, and no division by zero is told."""
+    with pytest.raises(ValueError, match=re.escape("polygon.rounding = 0.1: must be in [0, 0.0) m")):
+        polygon(1.0, [(1, 0), (0, 1), (-1, 0), (0, -1e9)], 0.1)

@@ -249,7 +249,8 @@ def polygon_of(points: Floats, rounding: float, parts: Sequence[str], sides: Seq
         )
     if rounding > 0.0:
         cosines = (before * after).sum(axis=1)
-        tangents = turns / (1.0 + cosines)  # of half the turn: what each of the two sides loses, over the radius
+        with np.errstate(divide="ignore"):  # a needle has no room for any radius
+            tangents = turns / (1.0 + cosines)  # of half the turn: what each of the two sides loses, over the radius
         largest = float((lengths / (tangents + np.roll(tangents, -1))).min())
         if not rounding < largest:
             raise ValueError(
