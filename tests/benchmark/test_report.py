@@ -60,6 +60,20 @@ def test_curves_without_seconds_can_be_drawn() -> None:
     assert figures.plot_learning(made._replace(curves=made.curves.assign(seconds=np.nan)), "seconds") is None
 
 
+def test_a_learning_curve_is_that_of_seeds_validated_after_other_descents() -> None:
+    """One point a check, the mean over seeds, between the descents of both."""
+    made = make.whole(("brake_mat",), seeds=2, contexts=20)
+    curves = made.curves[made.curves["environment"] == made.curves["environment"].iloc[0]]
+    curves = curves.assign(descents=curves["descents"] + 10 * curves["seed"])
+    figure = figures.plot_learning(made._replace(curves=curves))
+    assert figure is not None
+    one, other = (curves[(curves["agent"] == curves["agent"].iloc[0]) & (curves["seed"] == seed)] for seed in (0, 1))
+    lines = [line for line in figure.axes[0].lines if len(np.atleast_1d(line.get_xdata())) == len(one)]
+    np.testing.assert_allclose(lines[0].get_xdata(), one["descents"] + 5)
+    mean = 0.5 * (one["mean_reward"].to_numpy() + other["mean_reward"].to_numpy())
+    np.testing.assert_allclose(lines[0].get_ydata(), mean)
+
+
 def page_folder(folder: Path) -> list[Path]:
     return list((folder / "report").iterdir())
 

@@ -68,7 +68,7 @@ def title(environment: str, scenario: str) -> str:
 def plot_learning(results: Results, against: Literal["descents", "seconds"] = "descents") -> Figure | None:
     """Plot the mean validation reward against simulated descents, or seconds: mean over seeds, and their range.
 
-    The seconds are the median of the seeds, those in which an agent is validated not counted.
+    Both are medians of the seeds, which are validated equally often; the seconds leave out those of the validation.
 
     Returns
     -------
@@ -88,18 +88,16 @@ def plot_learning(results: Results, against: Literal["descents", "seconds"] = "d
         if len(fixed):
             ax.axhline(fixed.mean(), color=INK, lw=1.0, ls=":")
         for agent, curves in group.groupby("agent", sort=False):
-            groups = curves.groupby("descents")
-            at = groups["mean_reward"].agg(["mean", "min", "max"])
-            along = at.index if against == "descents" else groups["seconds"].median()
+            checks = curves.groupby(curves.groupby("seed").cumcount())  # seeds may be validated after other descents
+            at, along = checks["mean_reward"].agg(["mean", "min", "max"]), checks[against].median()
             colour, _ = look(agent, told)
             ax.fill_between(along, at["min"], at["max"], color=colour, alpha=0.2, lw=0.0)
             ax.plot(along, at["mean"], color=colour)
         ax.xaxis.set_major_formatter(EngFormatter(sep=""))
 
-    levels = [
-        Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best of each context"),
-        Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"),
-    ]
+    levels = [Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="best of each context")]
+    if (judged["agent"] == "best_fixed").any():
+        levels.append(Line2D([], [], color=INK, lw=1.0, ls=":", label="best fixed launch"))
     words = {"descents": "simulated descents", "seconds": "seconds of training"}[against]
     return _panels(told, draw, words, "mean reward", _lines(told) + levels)
 
