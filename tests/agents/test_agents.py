@@ -307,7 +307,7 @@ def test_the_table_has_the_best_first_and_compares_context_by_context():
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
     monkeypatch.setattr(sledenv.agents.demo, "SEARCHED", 2)
-    for name, value in {"BRANCHES": 6, "WIDTHS": (0.3,), "SEARCHES": 1}.items():
+    for name, value in {"BRANCHES": 6, "WIDTHS": (0.3,), "SEARCHES": 2}.items():
         monkeypatch.setattr(best_rides, name, value)
     command = ["--out", str(tmp_path / "demo"), "--steps", "300"]
     assert sledenv.agents.demo.main(command) == 0
