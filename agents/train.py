@@ -38,8 +38,7 @@ def chosen_settings(algo: str, problem: Problem, steps: int | None = None, setti
         raise ValueError(f"algo = {algo!r}: must be one of {', '.join(ALGORITHMS)}")
     if steps is not None and steps < 1:
         raise ValueError(f"steps = {steps}: must be >= 1")
-    chosen = default_settings(algo, problem, settings)
-    return chosen | {"n_timesteps": steps} if steps is not None and "n_timesteps" in chosen else chosen
+    return runs.budgeted(default_settings(algo, problem, settings), steps)
 
 
 def run_folder(folder: Path, algo: str, problem: Problem, seed: int) -> Path:

@@ -74,6 +74,11 @@ def agent_name(module: str) -> str:
     return module.rpartition(".")[2]
 
 
+def budgeted(settings: dict[str, Any], steps: int | None) -> dict[str, Any]:
+    """Return hyperparameters with another budget, if one is given and the agent has any."""
+    return settings if steps is None or "n_timesteps" not in settings else settings | {"n_timesteps": steps}
+
+
 def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]:
     """Read the hyperparameters of an agent from a folder such as configs/agents; empty where it has none.
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 from pydantic import Field, field_validator, model_validator
 
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.benchmark.runs import SETTINGS, agent_class, agent_name, read_settings
+from sledenv.benchmark.runs import SETTINGS, agent_class, agent_name, budgeted, read_settings
 from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 
@@ -215,7 +215,4 @@ class Suite(Document):
             raise SuiteError(
                 f"suite {self.id}: agent {module}, variants: {unknown[0]!r} is no setting; there are {known}"
             )
-        settings |= changes
-        return (
-            settings | {"n_timesteps": self.steps} if self.steps is not None and "n_timesteps" in settings else settings
-        )
+        return budgeted(settings | changes, self.steps)
