@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Any
 from unittest.mock import Mock
 
@@ -123,6 +125,20 @@ def test_a_cache_folder_that_cannot_be_used_is_not(case: str, tiny: Any, monkeyp
     assert module.known() == tiny.known
     assert re.search(f"not kept: .*{UNUSABLE[case]}", module.LIBRARY.ready())
     assert not tiny.copied[0].is_relative_to(tiny.cache)
+
+
+@pytest.mark.jit_only
+@pytest.mark.skipif(sys.platform != "linux", reason="holds address space as Linux does")
+@pytest.mark.parametrize("pages", [1, 8, 32])
+def test_an_object_is_loaded_where_free_memory_is_in_pieces(pages: int) -> None:
+    """Oracle: what known descents come to; holes of some pages, gigabytes apart, into which no object fits as a whole.
+
+    Its parts in different holes were further apart than their references to one another reach, and the process died.
+    """
+    program = Path(__file__).with_name("pieces.py")
+    done = subprocess.run([sys.executable, str(program), str(pages)], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[-500:]
+    assert done.stdout.startswith(("True", "no address space"))
 
 
 def test_two_processes_at_once_make_one_object(tiny: Any) -> None:

@@ -165,7 +165,8 @@ class Library:
         llvm.initialize_native_target()
         llvm.initialize_native_asmprinter()
         native = llvm.Target.from_default_triple().create_target_machine()
-        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), native)
+        # All parts in one block: separate ones may be further apart than their references to one another reach.
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), native, use_lmm=True)
         engine.add_object_file(llvm.ObjectFileRef.from_data(content))
         engine.finalize_object()
         self._engine = engine
