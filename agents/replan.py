@@ -34,10 +34,12 @@ class Rides(NamedTuple):
     batch: RideBatch
     supplied: Floats  # [J] at the line, but for the work of the rotor in the batch, (m,)
     mass: Floats  # [kg], (m,)
+    contexts: Contexts  # as far as they are seen, (m, 12)
+    vertices: Floats  # [m] of the ground that is seen, infinite where there are fewer, (m, k, 2)
 
     def take(self, lanes: NDArray[np.intp]) -> Rides:
         """Return independent rides that stand where some of these stand."""
-        return Rides(self.batch.take(lanes), self.supplied[lanes], self.mass[lanes])
+        return Rides(self.batch.take(lanes), *(part[lanes] for part in self[1:]))
 
 
 class Agent:
@@ -137,23 +139,34 @@ class Agent:
         section = task.scenario.slope_section
         descended = np.maximum(rows[:, 1] - seen.states[:, 0], 0.0) * np.sin(contexts[:, 0])
         supplied = seen.supplied[lanes] + mass * section.gravity_m_s2 * descended[lanes]
-        return Rides(batch, supplied + np.maximum(work, 0.0) - batch.outcomes()["work"], mass)
+        supplied += np.maximum(work, 0.0) - batch.outcomes()["work"]
+        return Rides(batch, supplied, mass, contexts[lanes], _vertices(seen.profiles)[lanes])
 
     def _worth(self, rides: Rides, spins: list[int]) -> Floats:
         """Return what rides earn if so many spins are tried in their next flights, shape (m,)."""
-        batch, section = rides.batch, self._task.scenario.slope_section
-        while not spins and (batch.outcomes()["status"] == RUNNING).any():
-            batch.hop(batch.outcomes()["trim"])
-        outcomes = batch.outcomes()
-        outcomes["supplied"] = rides.supplied + outcomes["work"]
-        worth: Floats = descent_jam(outcomes, rides.mass, section.length_m).reward
-        running = np.flatnonzero(outcomes["status"] == RUNNING)
+        if not spins:
+            return self._worth_behind(rides)
+        worth, running, _ = self._earned(rides)
         if running.size:
             tried, _, chances = self._tried(spins[0])
             further = rides.take(np.repeat(running, len(tried)))
             further.batch.hop(np.tile(self._rider.trim_rad_s * tried, len(running)))
             worth[running] = (self._worth(further, spins[1:]).reshape(-1, len(tried)) @ chances).max(axis=1)
         return worth
+
+    def _worth_behind(self, rides: Rides) -> Floats:
+        """Return what rides earn behind the last flight in which spins are tried, shape (m,)."""
+        batch = rides.batch
+        while (batch.outcomes()["status"] == RUNNING).any():
+            batch.hop(batch.outcomes()["trim"])
+        return self._earned(rides)[0]
+
+    def _earned(self, rides: Rides) -> tuple[Floats, NDArray[np.intp], np.ndarray]:
+        """Return what rides have earned so far, which of them go on, and where they stand, shapes (m,), (k,), (m,)."""
+        outcomes = rides.batch.outcomes()
+        outcomes["supplied"] = rides.supplied + outcomes["work"]
+        earned: Floats = descent_jam(outcomes, rides.mass, self._task.scenario.slope_section.length_m).reward
+        return earned, np.flatnonzero(outcomes["status"] == RUNNING), outcomes
 
 
 def _ended(profile: Profile) -> Profile:
@@ -162,3 +175,11 @@ def _ended(profile: Profile) -> Profile:
     A body that slides over one may take a million steps.
     """
     return profile[:-1] if len(profile) > 2 and profile[-1][1] == profile[-2][1] else profile
+
+
+def _vertices(profiles: list[Profile]) -> Floats:
+    """Return the vertices of profiles, infinite where one has fewer than another, shape (n, k, 2)."""
+    vertices = np.full((len(profiles), max(map(len, profiles), default=0), 2), np.inf)
+    for row, profile in zip(vertices, profiles, strict=True):
+        row[: len(profile)] = np.reshape(profile, (-1, 2))
+    return vertices

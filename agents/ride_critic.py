@@ -24,6 +24,7 @@ from .flight import Flights, Landings
 
 with needs("agents", __name__):
     import torch
+    from stable_baselines3.common.utils import get_device
     from torch import nn
     from torch.optim.swa_utils import AveragedModel
 
@@ -72,7 +73,7 @@ class Critic(nn.Module):
     def forward(self, flights: torch.Tensor, trims: torch.Tensor) -> torch.Tensor:
         """Return logits of the bins, (n, m, bins), for flights of shape (n, width) and trims (n, m, trim_width)."""
         values = self.flight((flights - self.mean) / self.deviation)[:, None] + self.trim(trims)
-        with torch.autocast("cpu", torch.bfloat16):  # on some processors twice as fast
+        with torch.autocast(values.device.type, torch.bfloat16):  # on some processors twice as fast
             values = self.hidden(values)
         logits: torch.Tensor = self.last(values.float())
         return logits
@@ -86,10 +87,11 @@ class Critic(nn.Module):
     @torch.no_grad()
     def rate(self, flights: Flights, landings: Landings, trims: Floats) -> Floats:
         """Return what is expected of trims, evenly spaced and of shape (m,), in flights; (n, m)."""
-        inputs = torch.from_numpy(flights.trimmed(landings, np.broadcast_to(trims, (len(landings.time), len(trims)))))
-        expected = self(torch.from_numpy(landings.inputs), inputs).softmax(dim=2) @ self.middles
+        inputs = flights.trimmed(landings, np.broadcast_to(trims, (len(landings.time), len(trims))))
+        given = (torch.from_numpy(part).to(self.middles.device) for part in (landings.inputs, inputs))
+        expected = (self(*given).softmax(dim=2) @ self.middles).cpu().numpy()
         near = np.exp(-0.5 * ((trims - trims[:, np.newaxis]) / _BLUR) ** 2)
-        return np.asarray(expected.numpy() @ (near / near.sum(axis=0)), np.float32)
+        return np.asarray(expected @ (near / near.sum(axis=0)), np.float32)
 
 
 class Samples(NamedTuple):
@@ -196,7 +198,9 @@ class Agent:
         torch.manual_seed(seed)
         torch.set_num_threads(1)  # the other cores ride
         flights = Flights(problem)
-        critic = Critic(flights.width, flights.trim_width, settings["net_arch"], settings["bins"])
+        critic = Critic(flights.width, flights.trim_width, settings["net_arch"], settings["bins"]).to(
+            get_device("auto")
+        )
         turns = max(2, math.ceil(settings["n_timesteps"] / (settings["n_lanes"] * settings["n_steps"])))
         rides, learner = Rides(problem, settings, seed), _Learner(critic, settings, turns, seed)
         curve, best, most = Curve(problem, folder), learner.averaged, -1.0
@@ -214,7 +218,7 @@ class Agent:
                 if turn + 1 < turns:
                     coming = pool.submit(rides.sample, known if turn else None)
                     learner.learn()
-        keep(best, folder / _FILE)
+        keep(best.cpu(), folder / _FILE)
         return cls.load(problem, folder)
 
     @classmethod
@@ -228,9 +232,17 @@ class Agent:
 
     def act(self, observations: Floats) -> Floats:
         """Return trims of shape (n, 1)."""
+        return self._searched(observations)[0][:, np.newaxis]
+
+    def expected(self, observations: Floats) -> Floats:
+        """Return what it expects to earn from flights on, shape (n,)."""
+        return self._searched(observations)[1]
+
+    def _searched(self, observations: Floats) -> tuple[Floats, Floats]:
         parts = np.array_split(observations, math.ceil(len(observations) / _BLOCK))
-        trims = [searched(self._critic, self._flights, self._flights.land(part), _ACTING)[0] for part in parts]
-        return np.concatenate(trims)[:, np.newaxis]
+        found = [searched(self._critic, self._flights, self._flights.land(part), _ACTING) for part in parts]
+        trims, expected = zip(*found, strict=True)
+        return np.concatenate(trims), np.concatenate(expected)
 
 
 class _Learner:
@@ -242,10 +254,10 @@ class _Learner:
         turn = settings["n_lanes"] * settings["n_steps"]
         self._batch, self._steps = settings["batch_size"], turn * settings["n_epochs"] // settings["batch_size"]
         rows = turn * max(1, min(turns, settings["memory"] // turn))
-        self._memory = Samples(
-            np.empty((rows, critic.flight.in_features), np.float32),
-            np.empty((rows, 1, critic.trim.in_features), np.float32),
-            np.empty(rows, np.float32),
+        self._device = critic.middles.device
+        self._memory = tuple(
+            torch.empty(shape, device=self._device)
+            for shape in ((rows, critic.flight.in_features), (rows, 1, critic.trim.in_features), (rows,))
         )
         self._optimiser = torch.optim.AdamW(
             critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
@@ -264,16 +276,17 @@ class _Learner:
             for critic in (self._critic, self.averaged):
                 critic.mean.copy_(torch.from_numpy(samples.flights.mean(axis=0)))
                 critic.deviation.copy_(torch.from_numpy(samples.flights.std(axis=0) + 0.01))
-        start = self.seen % len(self._memory.earned)
+        start = self.seen % len(self._memory[0])
         for kept, new in zip(self._memory, samples, strict=True):
-            kept[start : start + len(new)] = new
+            kept[start : start + len(new)] = torch.from_numpy(new)
         self.seen += len(samples.earned)
 
     def learn(self) -> None:
         """Take the gradient steps of one turn."""
         for _ in range(self._steps):
-            rows = self._rng.integers(0, min(self.seen, len(self._memory.earned)), self._batch)
-            loss = self._critic.loss(*(torch.from_numpy(part[rows]) for part in self._memory))
+            drawn = self._rng.integers(0, min(self.seen, len(self._memory[0])), self._batch)
+            rows = torch.from_numpy(drawn).to(self._device)
+            loss = self._critic.loss(*(part[rows] for part in self._memory))
             self._optimiser.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             self._optimiser.step()

@@ -17,7 +17,7 @@ from sledenv.scenarios.scenario import load_scenario
 
 ALGORITHMS: Final = (
     *("best_fixed", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
-    *("replan", "ride_critic", "sac", "tqc", "zero"),
+    *("replan", "replan_critic", "ride_critic", "sac", "tqc", "zero"),
 )
 
 

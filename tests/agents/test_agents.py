@@ -47,9 +47,9 @@ def quick(monkeypatch):
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "critic":
             values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
-        if algo == "ride_critic":
+        if algo in ("ride_critic", "replan_critic"):
             values |= {"n_timesteps": 300, "n_lanes": 10, "n_epochs": 1, "batch_size": 50, "checks": 1}
-        if algo == "replan":
+        if algo in ("replan", "replan_critic"):
             values |= {"spins": [3]}
         return values
 
@@ -70,10 +70,8 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
 
 EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "critic", "land_flat", "ppo", "random_launch", "sac", "tqc", "zero")),
-    *(
-        ("descent", algo)
-        for algo in ("land_parallel", "ppo", "random_launch", "replan", "ride_critic", "sac", "tqc", "zero")
-    ),
+    *(("descent", algo) for algo in ("land_parallel", "ppo", "random_launch", "replan", "replan_critic")),
+    *(("descent", algo) for algo in ("ride_critic", "sac", "tqc", "zero")),
 ]
 
 

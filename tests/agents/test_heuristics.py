@@ -7,9 +7,10 @@ import pytest
 from scipy.special import ndtri
 
 from sledenv import load_scenario
-from sledenv.agents import land_flat, land_parallel, replan, zero
+from sledenv.agents import land_flat, land_parallel, replan, replan_critic, zero
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.task import Task
+from sledenv.envs.inputs import SEEN
+from sledenv.envs.task import FLIGHT, VERTEX, Task
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.records import RUNNING
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -216,6 +217,39 @@ def test_replan_rates_a_spin_by_the_best_that_can_follow():
         earned.append(rest.descents().jam.reward)
     assert (np.ptp(earned, axis=0) > 1e-3).sum() > 5
     assert np.median(np.abs(predicted - np.max(earned, axis=0))) < 1e-7
+
+
+def test_a_critic_tells_what_follows_behind_the_lookahead():
+    """Oracle: the rides themselves, one spin further, and what is seen of them there; the critic rates the way left."""
+    problem = Problem(ride_over_bumps(), "descent")
+    task, contexts = problem.task, problem.contexts("test", 40)
+    left = SEEN + FLIGHT.index("left")
+    shown = []
+
+    class Critic:
+        def expected(self, observations):
+            shown.append(observations)
+            return 0.25 * observations[:, left]
+
+    rides = task.rides(contexts)
+    rides.await_flights(np.arange(40))
+    observed = task.observe(contexts, rides.outcomes())
+    agent = replan_critic.Agent(problem, [1], Critic())
+    predicted = agent.predicted(task.contexts_seen(observed), task.flights_seen(observed), np.full((40, 1), 0.5))[:, 0]
+    rides.hop(np.full(40, 0.5))
+    outcomes = rides.outcomes()
+    running = np.flatnonzero(outcomes["status"] == RUNNING)
+    seen = task.observe(contexts[running], outcomes[running])
+    earned = rides.descents().jam.reward
+    earned[running] += 0.25 * seen[:, left]
+    assert 10 < len(running) < 40
+    assert np.median(np.abs(predicted - earned)) < 1e-6
+    flight = slice(SEEN, SEEN + FLIGHT.index("time"))
+    assert np.median(np.abs(shown[0][:, flight] - seen[:, flight])) < 1e-6
+    near = slice(
+        SEEN + len(FLIGHT), SEEN + len(FLIGHT) + 5 * len(VERTEX)
+    )  # what lies further ahead was not seen before
+    np.testing.assert_allclose(shown[0][:, near], seen[:, near], atol=1e-5)
 
 
 def test_replan_counts_on_the_errors_of_an_unsteady_rider():

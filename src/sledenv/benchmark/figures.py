@@ -41,7 +41,9 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures
     "sac": (BLUE, "o"),
     "tqc": (SKY, ">"),
     "critic": (RED, "P"),
+    "ride_critic": (RED, "P"),
     "replan": (INK, "p"),
+    "replan_critic": (GREEN, "v"),
 }
 _ACRONYMS: Final = ("ppo", "sac", "tqc")
 _OTHERS: Final = (("#6F9E9B", "X"), ("#8C6D31", "h"), ("#A0527A", "*"))

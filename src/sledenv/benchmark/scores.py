@@ -21,7 +21,7 @@ AGENT: Final = [*PROBLEM, "agent"]
 # In the order of tables.
 AGENTS: Final = (
     *("zero", "random_launch", "best_fixed", "land_flat", "land_parallel"),
-    *("ppo", "sac", "tqc", "critic", "replan"),
+    *("ppo", "sac", "tqc", "critic", "ride_critic", "replan", "replan_critic"),
 )
 # What a learned agent has to beat: fixed or ruled launches, or a rule of rides.
 BASELINES_OF: Final = {"launch": ("best_fixed", "land_flat"), "descent": ("land_parallel",)}

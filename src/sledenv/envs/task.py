@@ -279,7 +279,11 @@ class Task:
         return heights
 
     def observe(
-        self, contexts: Contexts, flights: np.ndarray | None = None, elsewhere: Scenario | None = None
+        self,
+        contexts: Contexts,
+        flights: np.ndarray | None = None,
+        elsewhere: Scenario | None = None,
+        vertices: NDArray[np.float64] | None = None,
     ) -> NDArray[np.float32]:
         """Return what agents see, float32 in [-1, 1], shape (n, len(observation_names)).
 
@@ -294,11 +298,16 @@ class Task:
         elsewhere : Scenario, optional
             To which contexts and flights belong, if not to this one, see :meth:`Scenario.shifted`: what is seen is
             scaled as here, and may lie outside [-1, 1].
+        vertices : ndarray, shape (n, M, 2), optional
+            Of the ground, x and y [m], infinite where there are fewer; those of the contexts by default. Who has only
+            seen contexts does not know their tracks.
         """
+        if vertices is None:
+            vertices = (elsewhere or self.scenario).vertices(contexts)
         centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
         parts = [np.where(self.varies, centred, 0.0)]
         x = np.zeros(len(contexts)) if flights is None else flights["x"]
-        around, there, ground = vertices_around((elsewhere or self.scenario).vertices(contexts), x)
+        around, there, ground = vertices_around(vertices, x)
         if flights is not None:
             parts.append(self._scaled(contexts, flights, ground))
         if self._reach > 0.0:
