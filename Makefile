@@ -60,11 +60,12 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
 	@echo "Open site/index.html"
 
-agents: $(STAMP) ## train the agents of agents/trained anew: some 50 minutes of CPU, most of them for rides
+agents: $(STAMP) ## train the agents of agents/trained anew: some 100 minutes of CPU, most of them for rides
 	for name in $(LAUNCHES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
-	for name in $(RIDES); do $(BIN)/python -m sledenv.agents.train --algo ride_critic --scenario $$name \
-		--runs agents/trained --overwrite || exit; done
+	for name in $(RIDES); do for algo in ride_critic replan_critic; do \
+		$(BIN)/python -m sledenv.agents.train --algo $$algo --scenario $$name \
+		--runs agents/trained --overwrite || exit; done; done
 
 # Two processes share two cores: more threads in each, of torch and BLAS, would wait for one another.
 test: $(STAMP) ## run the fast tests

@@ -178,6 +178,24 @@ def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_gro
     assert env.observation_names[22:26] == ("behind_2_x", "behind_2_y", "behind_2_there", "behind_1_x")
 
 
+def test_ground_that_is_given_is_seen_in_place_of_that_of_the_track():
+    """Oracle: what is seen of the track itself, which another number hides; without its last vertices, none there."""
+    task = Task(BUMPS, ride=True)
+    contexts = task.scenario.contexts(np.random.default_rng(3).random((20, task.draws)))
+    rides = task.rides(contexts)
+    rides.await_flights(np.arange(20))
+    seen, vertices = task.observe(contexts, rides.outcomes()), task.scenario.vertices(contexts)
+    others = contexts.copy()
+    others[:, sledenv.Context._fields.index("track")] = contexts[::-1, sledenv.Context._fields.index("track")]
+    assert not np.array_equal(task.observe(others, rides.outcomes()), seen)
+    assert np.array_equal(task.observe(others, rides.outcomes(), vertices=vertices), seen)
+    cut = task.observe(others, rides.outcomes(), vertices=vertices[:, :4]).reshape(20, -1)
+    behind = (vertices[:, :4, 0] <= rides.outcomes()["x"][:, np.newaxis]).sum(axis=1)
+    ahead = cut[:, -24:].reshape(20, 8, 3)
+    assert (ahead[..., 2].sum(axis=1) == 4 - behind).all()
+    assert np.array_equal(ahead[ahead[..., 2] > 0.5], seen[:, -24:].reshape(20, 8, 3)[ahead[..., 2] > 0.5])
+
+
 def test_a_launch_on_a_profile_sees_the_first_vertices():
     """Oracle: the vertices of the slope; on a plane there are none to see."""
     env = SledLaunch(BUMPS)
