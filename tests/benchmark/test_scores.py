@@ -36,6 +36,12 @@ def test_the_regret_is_the_mean_over_seeds_and_contexts() -> None:
     assert row["regret_p90_low"] < row["regret_p90"] < row["regret_p90_high"]
 
 
+def test_the_interval_of_a_regret_stays_among_possible_ones() -> None:
+    """Oracle: two contexts, of which Student's interval is six times as wide as they are apart."""
+    row = row_of(scores.scores(make.results({"sac": np.array([[0.0, 0.3]])})), "sac")
+    assert (row["regret_low"], row["regret"], row["regret_high"]) == (0.0, pytest.approx(0.15), 1.0)
+
+
 def test_an_agent_that_falls_in_a_quarter_of_the_contexts_is_not_better_than_one_that_never_does() -> None:
     """Oracle: regrets .001 and .8 in every fourth context, against .01 everywhere."""
     falls = np.tile([0.8, 0.001, 0.001, 0.001], (2, 25))

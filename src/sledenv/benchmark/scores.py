@@ -414,6 +414,8 @@ def _columns(found: Mapping[str, Estimate], contexts: int = 0) -> dict[str, floa
     columns: dict[str, float] = {}
     for name, one in found.items():
         low, high = one.share_interval(contexts) if name == "falls" else one.interval()
+        if name in ("reward", "regret", "regret_p90"):  # all lie in [0, 1], and so do their means
+            low, high = max(low, 0.0), min(high, 1.0)
         columns |= {name: one.value, f"{name}_low": low, f"{name}_high": high}
     return columns
 
