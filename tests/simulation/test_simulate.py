@@ -852,6 +852,10 @@ def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:
     assert repr(segment(2.0, 0.5, 0.1, 0.3)) == (
         "Segment(mass 2, radius 0.5, eccentricity 0.1, inertia 0.3, half_angle 3.14159; parts: arc, nose, tail, chord)"
     )
+    assert str(sledenv.load_scenario("sled_rollers")) == "Scenario('sled_rollers', 'Rollers')"
+    assert repr(sledenv.sensitivity(descent.body, LAW, INCLINE, LAUNCH, parameters=("u", "friction"))) == (
+        f"Sensitivity(of {min(len(descent.rebounds), 10)} rebounds and the end, finish; by u, friction)"
+    )
     assert repr(sledenv.rod(2.0, 1.5)) == "Body(mass 2, inertia 0.375; parts: nose, tail, bottom, top)"
 
 

@@ -77,7 +77,6 @@ class Suite(Document):
     folder: ClassVar[str] = "suites"
     error: ClassVar[type[ValueError]] = SuiteError
 
-    title: str
     contexts: Annotated[int, Whole("[2, 100000]")]  # held-out contexts of each scenario
     scenarios: dict[Environment, Annotated[tuple[str, ...], Field(min_length=1)]]  # as for load_scenario
     # module of the agent -> number of seeds, or an Entry

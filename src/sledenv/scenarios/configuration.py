@@ -248,6 +248,12 @@ class Document(Section):
     error: ClassVar[type[ValueError]]
 
     id: Annotated[str, Field(pattern=r"^[a-z][a-z0-9_]*$")]
+    title: str
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.id!r}, {self.title!r})"
+
+    __str__ = __repr__
 
     @classmethod
     def model_validate(cls, obj: Any, **options: Any) -> Self:

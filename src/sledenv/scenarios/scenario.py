@@ -131,7 +131,6 @@ class Scenario(Document):
     folder: ClassVar[str] = "scenarios"
     error: ClassVar[type[ValueError]] = ScenarioError
 
-    title: str
     question: str = ""  # what a launch, or an agent that chooses it, is asked
     description: str = ""
     sources: str = ""  # where the numbers come from

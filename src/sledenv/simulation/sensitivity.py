@@ -126,6 +126,10 @@ class Sensitivity:
     sides: NDArray[np.int64]
     distances: Floats
 
+    def __repr__(self) -> str:
+        of = f"{len(self.rebounds)} rebounds and the end, {self.descent.status}"
+        return f"Sensitivity(of {of}; by {', '.join(self.parameters)})"
+
     def of_rebounds(self, quantity: str, parameter: str) -> Floats:
         """Derivative of a quantity at each rebound, shape (N,), such as ``of_rebounds("omega_after", "friction")``."""
         checked_choice("quantity", quantity, tuple(REBOUND_QUANTITIES))

@@ -110,7 +110,6 @@ class Study(Document):
     folder: ClassVar[str] = "studies"
     error: ClassVar[type[ValueError]] = StudyError
 
-    title: str
     question: str = ""
     description: str = ""
     sources: str = ""  # where the numbers come from
