@@ -4,11 +4,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-enum { MOST = 32 };
+enum { MOST = 40 };
 /* Numbers are whole ones alone, so all arguments are passed alike, and those too many are not looked at. */
-typedef int32_t (*entry)(int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t,
-                         int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t,
-                         int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t, int64_t);
+#define TEN(of) of, of, of, of, of, of, of, of, of, of
+typedef int32_t (*entry)(TEN(int64_t), TEN(int64_t), TEN(int64_t), TEN(int64_t));
+
+#define PASSED(i) a[i], a[i + 1], a[i + 2], a[i + 3], a[i + 4], a[i + 5], a[i + 6], a[i + 7], a[i + 8], a[i + 9]
 
 /* ENTRIES is ENTRY(name) for each of them. */
 #define ENTRY(name) extern int32_t sledenv_##name();
@@ -27,6 +28,7 @@ int main(int count, char **words) {
     while (fread(name, sizeof name, 1, in) == 1) {
         int64_t number, a[MOST] = {(int64_t)nowhere, (int64_t)nowhere}, size[MOST] = {0};
         must(fread(&number, 8, 1, in));
+        if (number + 2 > MOST) { fprintf(stderr, "%s has more than %d arguments\n", name, MOST); return 4; }
         for (int64_t i = 2; i < number + 2; i++) { /* the size of an array and its bytes, or 0 and a whole number */
             must(fread(&size[i], 8, 1, in));
             if (size[i] > 0) {
@@ -37,9 +39,7 @@ int main(int count, char **words) {
         entry run = 0;
         for (size_t k = 0; k < sizeof known / sizeof *known; k++)
             if (!strcmp(known[k].name, name)) run = known[k].run;
-        if (!run || run(a[0], a[1], a[2], a[3], a[4], a[5], a[6], a[7], a[8], a[9], a[10], a[11], a[12], a[13], a[14], a[15],
-                        a[16], a[17], a[18], a[19], a[20], a[21], a[22], a[23], a[24], a[25], a[26], a[27], a[28], a[29],
-                        a[30], a[31])) return 3;
+        if (!run || run(PASSED(0), PASSED(10), PASSED(20), PASSED(30))) return 3;
         for (int64_t i = 2; i < number + 2; i++)
             if (size[i] > 0) { must(fwrite((void *)a[i], size[i], 1, out)); free((void *)a[i]); }
     }
