@@ -360,11 +360,47 @@ def _spread_zeros(
             contact["slip"], contact["slip_sign"] = 0.0, 0
     small = abs(motion["omega"]) * body["size"] < VANISHING * fast and contacts["spin_sign"] != 0
     if small and depends(body, contacts, choice, SPIN, 0):
-        motion["omega"], contacts["spin_sign"] = 0.0, 0
+        _stop_spin(motion, contacts)
+    if choice["locks"] < 3:
+        _stop_creep(VANISHING * fast, motion, contacts, choice)
     if choice["locks"] == 3:  # no motion is left but rounding
         motion["u"] = motion["v"] = motion["omega"] = 0.0
     elif motion["omega"] == 0.0 and choice["lock"][0]["what"] == GAP:
         _slide(motion, contacts, choice)
+
+
+@kernel
+def _stop_spin(motion: np.void, contacts: np.void) -> None:
+    """Make a small spin zero, and the velocities of contacts those of the body without it: errors would add up."""
+    omega = motion["omega"]
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        if contact["gap_sign"] != 0:
+            contact["gap_rate"] -= contact["ln"] * omega
+        if contact["slip_sign"] != 0:
+            contact["slip"] -= contact["lt"] * omega
+    motion["omega"], contacts["spin_sign"] = 0.0, 0
+
+
+@kernel
+def _stop_creep(least: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
+    """Take off a slip of the body, less than ``least`` [m/s], where that of its contact is zero: as the spin above.
+
+    Of points that stick at different depths one holds the body and others follow; they take turns.
+    """
+    for i in range(choice["locks"]):
+        if choice["lock"][i]["what"] == SLIP:
+            one = contacts["at"][choice["lock"][i]["who"]]
+            nx, ny, slip = one["nx"], one["ny"], velocities(motion, one)[1]
+            if abs(slip) < least:
+                motion["u"], motion["v"] = motion["u"] - ny * slip, motion["v"] + nx * slip
+                for c in range(contacts["count"]):
+                    contact = contacts["at"][c]
+                    if contact["slip_sign"] != 0:
+                        contact["slip"] -= (ny * contact["ny"] + nx * contact["nx"]) * slip
+                    if contact["gap_sign"] != 0:
+                        contact["gap_rate"] -= (ny * contact["nx"] - nx * contact["ny"]) * slip
+            return
 
 
 @kernel
