@@ -57,6 +57,13 @@ def quick(monkeypatch):
     monkeypatch.setattr(curve, "_CONTEXTS", 12)
 
 
+def test_the_critic_behind_the_lookahead_has_the_settings_of_the_ride_critic():
+    problem = Problem(own_scenario("brake_mat"), "descent")
+    settings = default_settings("replan_critic", problem)
+    assert settings.pop("spins")
+    assert settings == default_settings("ride_critic", problem)
+
+
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
     problem = Problem(own_scenario("brake_mat"))
     contexts = np.concatenate([problem.contexts(split, 200) for split in ("train", "validation", "test")])
