@@ -255,6 +255,12 @@ class Outline:
             last = (last + 1) % len(self.arcs)
         return first, last
 
+    def joins(self, one: int, other: int) -> bool:
+        """Whether two arcs are the same or join without a side between them: they have one lowest point."""
+        count = len(self.arcs)
+        smooth = [not self.sides[k] and (k, (k + 1) % count) in ((one, other), (other, one)) for k in (one, other)]
+        return one == other or True in smooth
+
     def across(self, touching: list[int], phi: float) -> list[int]:
         """Arcs that may come down beside those that touch: the ends of the runs across the straight sides."""
         if True not in self.sides:
@@ -924,6 +930,8 @@ def _points_after(surface: Surface, branch: Branch, q: np.ndarray, name: str) ->
         a, _ = arms(surface.arcs[arc], phi)
         closing = float(q[V]) - a * at.spin < 0.0
         if name == f"down{arc}" or (surface.gap(arc, q) <= limit and closing):
+            if any(surface.outline.joins(arc, point.arc) for point in branch.points):
+                raise Unsupported("an end of the side comes down beside its own arc: the body is pressed in too deep")
             found.append(surface.on_ground(surface.outline.point(arc, phi), q))
     if len(found) > 2 or len({point.arc for point in found}) < len(found):
         raise Unsupported("three points at the same time: the body is pressed in too deep")
@@ -936,7 +944,8 @@ def follow_compliant(case: Case, *, max_rebounds: int = 1, max_time: float = 10.
     Raises
     ------
     Unsupported
-        If three points touch at the same time, or no branch obeys the laws.
+        If three points touch at the same time, if an end of a side comes down while the arc that joins it touches,
+        as the body is pressed in so deep, or if no branch obeys the laws.
     """
     body, _, slope, state = case
     outline, time = Outline(body), 0.0

@@ -437,6 +437,18 @@ def test_a_body_rests_if_a_wrench_balances_its_weight(laid: str, data: st.DataOb
     rests_where_it_should(data.draw(LAID[laid]))
 
 
+def test_locks_that_friction_makes_singular_do_not_hold() -> None:
+    """Oracle: the same programme. With a friction of .5 the force of one contact does not change its own gap."""
+    each = [
+        Spring(2.0**-8, 3e4, 2e3, 0.0, 0.0),
+        Spring(2.0**-6, 3e4, 2e3, 0.0, 0.0),
+        Spring(2.0**-6, 3e4, 2e3, 0.5, 0.0),
+    ]
+    laid = Scene(ROOF, incline(0.0), (0.3, 0.8, 0.0), STILL, UNDER_A_SIDE, each, (0, 1, 2, 3, 4, 5, -1))
+    assert not choose(BLOCK, ROOF, laid.slope, prepared(laid))
+    assert margin(laid, prepared(laid)) > 1.0 + 1e-6
+
+
 def test_a_body_that_moves_does_not_rest() -> None:
     """Oracle: it moves, whatever could hold it."""
     share = float(BLOCK["mass"]) * 9.81 / 2.0

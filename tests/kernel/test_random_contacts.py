@@ -177,7 +177,9 @@ def away_from_edges(n: int, lanes: int, seed: int) -> Iterator[Contacts]:
         a = lowest_arms(body.record, states[:, 2])[1][:, 0]
         closing = states[:, 4] - a * states[:, 5] < -1e-6 * drawn.speeds
         edge = np.isin(np.abs(states[:, 2]), (body.half_angle, math.pi))
-        yield chosen(drawn, np.flatnonzero(closing & ~edge))._replace(max_time=0.2 * drawn.max_time)
+        some = np.flatnonzero(closing & ~edge)
+        if len(some):
+            yield chosen(drawn, some)._replace(max_time=0.2 * drawn.max_time)
 
 
 LOOSE = 1e-10

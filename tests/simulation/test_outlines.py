@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from mpmath import mp, mpf
 
@@ -178,6 +178,7 @@ def test_a_record_knows_who_may_touch_beside_an_arc(seed: int) -> None:
         assert told(body, row) == (*beside, closed and turn_of(body.arcs, k) <= math.pi)
 
 
+@example(503)  # an arc of 4300 m
 @given(seeds)
 def test_a_record_tells_the_same_in_every_frame(seed: int) -> None:
     """Oracle: another orientation of the body is its origin; then another arc is the lowest at +-pi, or none is."""
@@ -354,9 +355,13 @@ def test_a_stadium_is_a_board_and_two_half_discs() -> None:
     assert body.inertia == pytest.approx(2.0 * moment / total, rel=1e-14)
 
 
+@example(122775)  # a micrometre thick
 @given(seeds)
 def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) -> None:
-    """Oracle: the shoelace formulas of 4000 points an arc; they lose the square of a step of each arc."""
+    """Oracle: the shoelace formulas of 4000 points an arc; they lose the square of a step of each arc.
+
+    The points of a large arc are rounded, which counts against the thickness of the outline.
+    """
     body = at_random(seed)
     assume(len(body.arcs) > 2)
     area, centre, inertia = mass_properties(body.arcs)
@@ -365,7 +370,7 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
     cross = 0.5 * (points[:, 1] * following[:, 0] - points[:, 0] * following[:, 1])
     middle = cross @ (points + following) / (3.0 * cross.sum())
     squares = ((points**2).sum(axis=1) + (points * following).sum(axis=1) + (following**2).sum(axis=1)) / 6.0
-    noise = 1e-6 + 1e-15 * max(arc.radius for arc in body.arcs) / body.size
+    noise = 1e-6 + 1e-15 * max(arc.radius for arc in body.arcs) * body.size / area
     assert area == pytest.approx(cross.sum(), rel=1e-5)
     assert centre == pytest.approx(middle, abs=noise * body.size)
     assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)

@@ -151,7 +151,7 @@ def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
 def _write_mobility(choice: np.void) -> None:
     """Write what each locked force changes of each locked velocity, and the inverse of that matrix.
 
-    Locks that are missing leave ones on its diagonal.
+    Locks that are missing leave ones on its diagonal. A matrix that friction makes singular has zeros for an inverse.
     """
     lock, n = choice["lock"], choice["locks"]
     for i in range(3):
@@ -167,7 +167,7 @@ def _write_mobility(choice: np.void) -> None:
     q[0], q[1], q[2] = b[2] * d[0] - b[0] * d[2], a[0] * d[2] - a[2] * d[0], a[2] * b[0] - a[0] * b[2]
     r[0], r[1], r[2] = b[0] * d[1] - b[1] * d[0], a[1] * d[0] - a[0] * d[1], a[0] * b[1] - a[1] * b[0]
     choice["determinant"] = a[0] * p[0] + a[1] * q[0] + a[2] * r[0]
-    per = 1.0 / choice["determinant"]
+    per = 1.0 / choice["determinant"] if choice["determinant"] != 0.0 else 0.0
     for i in range(3):
         p[i], q[i], r[i] = p[i] * per, q[i] * per, r[i] * per
 
@@ -304,7 +304,8 @@ def _violation(body: np.void, slope: Any, still: float, contacts: np.void, choic
         scale = max(scale, abs(choice["share"][c]["normal"]))
     choice["scale"] = scale
     wrong = 0.0
-    if choice["rigid"] != 0.0 and choice["locks"] > 0 and not choice["determinant"] > 0.0:
+    determinant = choice["determinant"]
+    if choice["locks"] > 0 and (determinant == 0.0 or (choice["rigid"] != 0.0 and not determinant > 0.0)):
         return math.inf
     for i in range(choice["zeros"]):
         zero = choice["zero"][i]

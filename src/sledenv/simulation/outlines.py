@@ -26,7 +26,7 @@ TURN: Final = 2.0 * math.pi
 LARGEST_RADIUS: Final = 1e6  # of an arc, over the size of the body
 SHORTEST: Final = 1e-9  # side, over the size of the body, and turn from one side to the next [rad]
 _ROUNDED: Final = 1e-12  # of the size: what is closer is at one place
-_ROUNDED_ARC: Final = 1e-15  # of the radius of an arc: the same, where its centre is far away
+_ROUNDED_ARC: Final = 4e-15  # of the radius of an arc: the same, where its centre is far away
 _IN_TURN: Rule = (lambda v: (v >= -math.pi) & (v < math.pi), "in [-pi, pi) rad")
 
 
