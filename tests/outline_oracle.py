@@ -965,6 +965,9 @@ def follow_compliant(case: Case, *, max_rebounds: int = 1, max_time: float = 10.
             closing = before.v - a * before.omega <= NOISE * surface.speed
             if surface.gap(other, q) <= AT_SURFACE * surface.size and closing:
                 points.append(surface.on_ground(outline.point(other, before.phi), q))
+        if len(points) > 1 and before.v - arms(body.arcs[arc], before.phi)[0] * before.omega > NOISE * surface.speed:
+            points = points[1:]  # the side is level, and the body turns from this end to the other
+            arc = points[0].arc
         if len(points) > 2:
             raise Unsupported("three points at the same time")
         contact = _follow_contact(surface, tuple(points), q, max_time - time)
