@@ -204,6 +204,23 @@ def test_a_contact_does_not_depend_on_the_tolerance(bodies: int, lanes: int) -> 
             assert np.count_nonzero(worse) <= max(1, len(apart) // 50)
 
 
+@pytest.mark.parametrize("phi", [1.5353, -1.5353])
+@pytest.mark.parametrize("omega", [7.4e-4, -7.4e-4])
+def test_a_body_that_grazes_without_weight_stays_at_the_surface(phi: float, omega: float) -> None:
+    """Oracle: the mass centre of a disc follows b(phi); turning alone presses it on, by less than rounding tells."""
+    radius, eccentricity = 1.336, 0.74
+    body = Segment(0.122, radius, eccentricity, 0.058, math.pi)
+    a, b = lowest_arms(body.record, np.array([phi]))[1][0]
+    laws, slopes = np.array([[3341.0, 0.37, 0.0, 0.0, 0.0]]), np.array([[0.128, math.inf, 0.0]])
+    states = np.array([[0.0, b, phi, 0.65, a * omega, omega]])
+    found = followed(Contacts(body, laws, slopes, states, np.array([0.65]), 0.38))
+    end = found.outcomes[0]
+    assert end["status"] == TIMEOUT
+    assert end["y"] == pytest.approx(radius - eccentricity * math.cos(end["phi"]), abs=1e-13)
+    load = eccentricity * math.cos(phi) * omega**2 / (1.0 / body.mass + a**2 / body.inertia)
+    assert found.rebounds["normal_impulse"][0, 0] == pytest.approx(load * 0.38, rel=0.02)
+
+
 ENDINGS = {"rebounds": LOG_FULL, "rest": JAMMED, "max_time": TIMEOUT}
 
 

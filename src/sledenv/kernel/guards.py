@@ -15,7 +15,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, mirrored
-from sledenv.kernel.mode import all_friction
+from sledenv.kernel.mode import SHALLOW, all_friction
 from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
 
@@ -102,7 +102,8 @@ def watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np
         if sign != 0:
             look(space, _released(poly) if contact["gap_rate"] == 0.0 else 0, GAP_ZERO, c, 0)
         return
-    depth = -contact["gap"]
+    shallow = 0.0 if space["frozen"] != 0.0 else SHALLOW * body["size"]  # as the mode has been chosen
+    depth = -contact["gap"] if contact["gap"] < 0.0 else shallow
     for side in (-1, 1):
         bound = contact["closing"] if side < 0 else -contact["opening"]
         if bound == math.inf:  # of rigid surfaces

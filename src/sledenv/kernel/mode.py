@@ -28,7 +28,7 @@ TINY: Final = 1e-12  # [m/s] and on this
 STANDING: Final = 1e-8  # of the speed of a fall: a body that is slower stands still where all its velocities are locked
 STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
 SLIGHT: Final = 1e-12  # of the forces: a mode that is violated by less holds
-SHALLOW: Final = 1e-13  # of the size: depth that decides where there is no force yet
+SHALLOW: Final = 1e-13  # of the size: depth with which a gap is held that is not so deep yet
 MOST_TRIED: Final = 7  # zero velocities of which all modes are tried
 
 
