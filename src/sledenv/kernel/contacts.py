@@ -95,6 +95,7 @@ CHOICE: Final = np.dtype(
         *fields("f8", "moment load scale"),  # [N m] of rolling, [N] all loads, [N] scale of forces
         ("wrong", "f8"),  # [N] how far the mode is from holding
         ("determinant", "f8"),  # of the mobility of the locked velocities
+        ("skew", "f8"),  # 1 if two locks are nearly the same, so that the inverse of that matrix is inaccurate
         ("rigid", "f8"),  # 1 of rigid surfaces: a gap is locked only if a load can open it
     ]
 )

@@ -22,6 +22,7 @@ UNRESISTED: Final = 2  # a spin that is still without rolling resistance: its si
 GAP, SPIN, SLIP = range(3)  # kinds of velocities, in the order in which they are locked
 DEPENDENT: Final = 1e-9  # part of a row that is left where it depends on others,
 NEARLY: Final = 1e-5  # and of a slip that is not locked: points that stick at different depths do not hold the spin
+SKEW: Final = 1e-6  # of the product of its diagonal: the determinant of a matrix of which two rows are nearly the same
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
 SLOW: Final = 1e-2  # of the speed of a fall or of the springs: what is VANISHING is seen on this speed at least,
 TINY: Final = 1e-12  # [m/s] and on this
@@ -167,9 +168,25 @@ def _write_mobility(choice: np.void) -> None:
     q[0], q[1], q[2] = b[2] * d[0] - b[0] * d[2], a[0] * d[2] - a[2] * d[0], a[2] * b[0] - a[0] * b[2]
     r[0], r[1], r[2] = b[0] * d[1] - b[1] * d[0], a[1] * d[0] - a[0] * d[1], a[0] * b[1] - a[1] * b[0]
     choice["determinant"] = a[0] * p[0] + a[1] * q[0] + a[2] * r[0]
+    diagonal = a[0] * b[1] * d[2]
+    choice["skew"] = 1.0 if abs(choice["determinant"]) < SKEW * abs(diagonal) else 0.0
     per = 1.0 / choice["determinant"] if choice["determinant"] != 0.0 else 0.0
     for i in range(3):
         p[i], q[i], r[i] = p[i] * per, q[i] * per, r[i] * per
+
+
+@kernel
+def _improve_forces(choice: np.void, x: float, y: float, z: float) -> None:
+    """Add to the forces what it takes to make the changes (x, y, z) that they should make and do not."""
+    lock, n = choice["lock"], choice["locks"]
+    for j in range(n):
+        force = lock[j]["force"]
+        x -= lock[0]["mobility"][j] * force
+        y -= lock[1]["mobility"][j] * force if n > 1 else 0.0
+        z -= lock[2]["mobility"][j] * force if n > 2 else 0.0
+    for i in range(n):
+        inverse = lock[i]["inverse"]
+        lock[i]["force"] += inverse[0] * x + inverse[1] * y + inverse[2] * z
 
 
 @kernel
@@ -182,6 +199,8 @@ def solve_locks(choice: np.void) -> None:
     for i in range(n):
         inverse = lock[i]["inverse"]
         lock[i]["force"] = inverse[0] * x + inverse[1] * y + inverse[2] * z
+    if choice["skew"] != 0.0:
+        _improve_forces(choice, x, y, z)
 
 
 @kernel
