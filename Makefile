@@ -10,7 +10,7 @@ DOCS_STAMP = $(VENV)/.installed-docs
 
 # The planes: critics of launches learn no rides.
 LAUNCHES = sled_snow sled_mat
-RIDES = sled_rollers sled_kickers sled_terraces sled_unsteady
+RIDES = sled_rollers sled_kickers sled_terraces sled_unsteady sled_long boulder_benches
 
 TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
@@ -60,7 +60,7 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
 	@echo "Open site/index.html"
 
-agents: $(STAMP) ## train the agents of agents/trained anew: some 100 minutes of CPU, most of them for rides
+agents: $(STAMP) ## train the agents of agents/trained anew: some 140 minutes of CPU, most of them for rides
 	for name in $(LAUNCHES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
 	for name in $(RIDES); do for algo in ride_critic replan_critic; do \
