@@ -324,6 +324,13 @@ def test_the_hash_depends_on_what_is_simulated_alone(scenario: Scenario) -> None
         assert Scenario.model_validate(other).hash != scenario.hash
 
 
+def test_bodies_are_built_once(scenario: Scenario) -> None:
+    """Oracle: identity. Every step of an environment asks for them, and to build one takes as long as the step."""
+    again = Scenario.model_validate(scenario.model_dump(mode="json", by_alias=True))
+    assert again is not scenario
+    assert all(one is other for one, other in zip(scenario.all_bodies(), again.all_bodies(), strict=True))
+
+
 def test_ranges_are_aligned_with_the_context_and_in_si_units(scenario: Scenario) -> None:
     """Oracle: the numbers of ``GOOD`` by hand."""
     low, high = scenario.ranges

@@ -740,12 +740,12 @@ def _checked(key: str, value: Any) -> Any:
         raise ValueError(f"slope.{key} = {value!r}: {problem}") from problem
 
 
-@lru_cache
 def _raised(pair: Pair) -> Pair:
     low, high = pair
     return _SHIFT * low, _SHIFT * high
 
 
+@lru_cache  # a scenario asks for its bodies in every step of an environment
 def _build(section: AnyBody) -> tuple[Body, ...]:
     return tuple(one.build() for one in (section.of if isinstance(section, ChoiceBody) else (section,)))
 
