@@ -233,6 +233,7 @@ def test_bad_arguments_are_refused_by_name() -> None:
         ({"fixed": {"mass": 1.0}}, "'mass' is no parameter"),
         ({"fixed": {"restitution": 1.5}}, "restitution"),
         ({"bounds": {"friction": (0.5, 0.2)}}, "must be in order"),
+        ({"bounds": {"restitution": (0.0, 1.0)}, "solver": "compliant"}, r"in order and in \[0.001, 1\]"),
         ({"bounds": {"stiffness": (1e3, 1e5)}}, "'stiffness' is not fitted"),
         ({"bounds": {"friction": (0.0, 1.0)}, "fixed": {"friction": 0.2}}, "'friction' is fixed"),
         ({"noise": (0.0, 0.1)}, "noise.position"),

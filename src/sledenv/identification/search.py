@@ -50,6 +50,7 @@ CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it i
 _LIMIT = 15  # steps of one minimisation on the way
 _LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
 _STIFFNESSES = 7  # that are tried at the start
+_LEAST = 1e-3  # restitution of compliant surfaces: springs that give nothing back never let go
 
 
 def parameters_of(
@@ -62,7 +63,7 @@ def parameters_of(
         "stiffness": tuple(
             body.mass * (math.pi / time) ** 2 for time in (_LONGEST, min(_SHORTEST * frame, 0.1 * _LONGEST))
         ),
-        "restitution": (0.0, 1.0),
+        "restitution": (0.0 if solver == "rigid" else _LEAST, 1.0),
         "friction": (0.0, 1.5),
         "rolling_arm": (0.0, arm),
         "corner_rolling_arm": (0.0, arm),
@@ -134,12 +135,11 @@ class Model:
         # A difference in the launch of one recording changes none of the others.
         self._rows = lru_cache(maxsize=4 * len(recordings))(self._simulated_rows)
 
-    def problem(self, frames: Sequence[int], fixed: Mapping[str, float]) -> Problem:
-        """Problem of fitting the first frames of each recording."""
+    def problem(self, frames: Sequence[int], fixed: Mapping[str, float], loss: Loss | None = None) -> Problem:
+        """Problem of fitting the first frames of each recording, with the loss of the model by default."""
         clusters = np.repeat(np.arange(len(frames)), frames)
-        return Problem(
-            self.parameters, partial(self.residuals, tuple(frames)), fixed, clusters, loss=self.loss, loss_scale=_TAME
-        )
+        residuals = partial(self.residuals, tuple(frames))
+        return Problem(self.parameters, residuals, fixed, clusters, loss=loss or self.loss, loss_scale=_TAME)
 
     def residuals(self, frames: Sequence[int], values: Floats) -> Floats:
         """Residuals of the first frames of each recording, shape (sum of frames, 3), in noise levels."""
@@ -192,7 +192,7 @@ class Search:
             drawn = self._drawn(history[-1:], level) if rebounds else []
             fits = self._fitted([*candidates, *drawn], level)
             if self._unexplained(fits[0], level):
-                more = self._drawn(history[-_BACK:], level) if history else candidates
+                more = self._drawn(history[-_BACK:], level) if history else self._nearer(candidates, level)
                 fits = distinct([*fits, *self._fitted(more, level, len(more))])
             failed = self._unexplained(fits[0], level)
             if failed:
@@ -245,6 +245,11 @@ class Search:
         costs = [problem.cost(problem.values(one)) for one in candidates]
         order = np.argsort(costs, kind="stable")[:most]
         return distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
+
+    def _nearer(self, candidates: Sequence[dict[str, float]], level: Sequence[int]) -> list[dict[str, float]]:
+        """Candidates, and what fits from them find that take no pose for wrong: of exact ones all look so at first."""
+        problem = self.model.problem(self.frames(level), self.fixed, "linear")
+        return [*candidates, *(solve(problem, one, starts=1, limit=_LIMIT).values for one in candidates)]
 
     def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
         """Recordings whose new frames, or all of them, differ from a fit by more than noise."""

@@ -78,9 +78,9 @@ def identify_tracks(
         Values of parameters that are known, of ``restitution``, ``friction``, ``rolling_arm`` [m],
         ``corner_rolling_arm`` [m], 0 unless there are bounds of it, and ``stiffness`` [N/m].
     bounds : mapping, optional
-        Lower and upper bound of fitted ones; restitution in [0, 1], friction in [0, 1.5], arms from 0 to the radius of
-        a segment or to the size of any other body, and stiffness, of contacts that last from .02 intervals of frames to
-        .1 s, by default.
+        Lower and upper bound of fitted ones; restitution in [0, 1], from .001 on compliant surfaces, friction in
+        [0, 1.5], arms from 0 to the radius of a segment or to the size of any other body, and stiffness, of contacts
+        that last from .02 intervals of frames to .1 s, by default.
     noise : tuple of float, optional
         Standard deviations of a position [m] and of an orientation [rad]. Estimated from the third differences of
         poses by default, by their median so that rebounds and wrong poses hardly count.
