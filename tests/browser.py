@@ -62,10 +62,15 @@ class Browser:
         _call("POST", f"{self._find(selector)}/value", {"text": keys})
 
     def screen(self, width: int, height: int) -> None:
-        """Show pages as on a screen of this size [px], narrower than a window can be."""
+        """Show pages as on a screen of this size [px], narrower than a window can be.
+
+        The layout changes first and the page hears of it with the next frame, ahead of the callbacks of that frame.
+        """
         metrics = {"width": width, "height": height, "deviceScaleFactor": 1, "mobile": False}
         command = {"cmd": "Emulation.setDeviceMetricsOverride", "params": metrics}
         _call("POST", f"{self.session}/goog/cdp/execute", command)
+        wait_until(self, f"innerWidth === {width} && innerHeight === {height}")
+        self.run("return new Promise(done => requestAnimationFrame(() => done(true)))")
 
     def must_be_readable(self, width: int) -> None:
         """Assert that letters are large enough and that the page is not wider than its window [px]."""
