@@ -737,8 +737,10 @@ BAD_BATCHES: list[tuple[str, Any, type[Exception], str]] = [
             (
                 (1.0, 3.0, 0.1, 0.0, 0.0, 0.5, 1e6, 2.0, 4.0, 0.1, 0.0, 0.0, 0.5, 1e6),
                 1,
-                "begin = 2.0: must be >= the end of the zone before",
+                "begin = 2.0: must be >= the end of the zone before, 3.0 m",
             ),
+            ((10.0, math.inf, 0.1, 0.0, 0.0, 0.5, 1e6), 0, "begin = 10.0: must be < Slope.length = 10.0 m"),
+            ((5.0, 11.0, 0.1, 0.0, 0.0, 0.5, 1e6), 0, "end = 11.0: must be <= Slope.length = 10.0 m, or inf"),
         )
     ),
     ("body", [DISC] * 3, V, "body: 3 given for 2 launches; give one or one a launch"),

@@ -25,6 +25,7 @@ from sledenv.simulation.scene import (
     crests,
     laid,
     level_at,
+    misplaced_zones,
     restitution_of,
 )
 from sledenv.simulation.settings import Settings
@@ -184,7 +185,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     _check_rows("slope", Slope, rows, lanes)
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
-    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)))
+    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)), rows[:, fields.index("length")])
     return rows
 
 
@@ -209,23 +210,18 @@ class _ZoneOfTable(params.Zone):
     rules = (*Zone.rules, *map(or_absent, Zone.optional_rules))
 
 
-def _check_zones(zones: np.ndarray) -> None:
+def _check_zones(zones: np.ndarray, lengths: np.ndarray) -> None:
     """Check the zones of slopes, shape (N, zones, fields), of which a slope may have fewer: NaN from there on."""
-    reached = np.full(len(zones), -np.inf)
     for k in range(zones.shape[1]):
         absent = np.isnan(zones[:, k]).all(axis=-1)
-        begin, end, *_ = zones[:, k].T
         given = np.where(absent[:, np.newaxis], (0.0, 1.0, 0.0, 0.0, 0.0, np.nan, np.nan), zones[:, k])
         checked_rows(f"slope[{{lane}}].zones[{k}]", _ZoneOfTable, given)
-        for wrong, field, what in (
-            (begin < reached, 0, "must be >= the end of the zone before"),
-            (end <= begin, 1, "must be > its begin"),
-        ):
-            if wrong.any():
-                lane = int(np.argmax(wrong))
-                value = float(zones[lane, k, field])
-                raise ValueError(f"slope[{lane}].zones[{k}].{Zone._fields[field]} = {value!r}: {what}")
-        reached = np.where(absent, reached, end)
+    for one in misplaced_zones(np.moveaxis(zones[:, :, :2], 0, 2), lengths):
+        if one.wrong.any():
+            lane = int(np.argmax(one.wrong))
+            value = float(zones[lane, one.zone, Zone._fields.index(one.field)])
+            what = one.what.format(float(np.broadcast_to(one.bound, len(zones))[lane]))
+            raise ValueError(f"slope[{lane}].zones[{one.zone}].{one.field} = {value!r}: {what}")
 
 
 def _stiff_limit(lanes: CheckedLanes, settle_speed: float | None) -> CheckedLanes:

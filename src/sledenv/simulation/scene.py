@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Final, NamedTuple, Self
 
 import numpy as np
@@ -26,7 +26,6 @@ from sledenv.simulation.rules import (
     checked_fields,
     made,
     numbers_of,
-    or_absent,
 )
 
 Floats = NDArray[np.float64]
@@ -473,28 +472,41 @@ def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
     made_zones = tuple(made(f"Slope.zones[{k}]", Zone, zone) for k, zone in enumerate(zones))
     if len(made_zones) > MOST_ZONES:
         raise ValueError(f"Slope.zones holds {len(made_zones)}: must hold at most {MOST_ZONES}")
-    reached = -math.inf
-    for k, zone in enumerate(made_zones):
-        name = f"Slope.zones[{k}]"
-        if zone.begin < reached:
-            raise ValueError(f"{name}.begin = {zone.begin!r}: must be >= the end of the zone before, {reached!r} m")
-        if zone.begin >= length:
-            raise ValueError(f"{name}.begin = {zone.begin!r}: must be < Slope.length = {length!r} m")
-        if length < zone.end < math.inf:
-            raise ValueError(f"{name}.end = {zone.end!r}: must be <= Slope.length = {length!r} m, or inf")
-        reached = zone.end
+    for one in misplaced_zones([zone[:2] for zone in made_zones], length):
+        if one.wrong:
+            value = getattr(made_zones[one.zone], one.field)
+            raise ValueError(f"Slope.zones[{one.zone}].{one.field} = {value!r}: {one.what.format(float(one.bound))}")
     return made_zones
 
 
-def zones_allowed(zones: np.ndarray) -> np.ndarray:
-    """Whether zones of slopes, shape (N, K, fields), are allowed behind those before them: shape (N, K)."""
-    fine = np.ones(zones.shape[:2], bool)
-    rules = (*Zone.rules, *map(or_absent, Zone.optional_rules))
-    for column, (accepts, _) in zip(np.moveaxis(zones, 2, 0), rules, strict=True):
-        fine &= accepts(column)
-    fine &= zones[:, :, 0] < zones[:, :, 1]
-    fine[:, 1:] &= zones[:, 1:, 0] >= zones[:, :-1, 1]
-    return fine
+class MisplacedZone(NamedTuple):
+    """One way in which the place of a zone may be wrong, of one slope or of many."""
+
+    zone: int
+    field: str  # "begin" or "end"
+    wrong: Any  # whether it is; bools of the shape of what is given
+    what: str  # what it must be, with a place for the bound
+    bound: Any  # [m] of the shape of what is given
+
+
+def misplaced_zones(places: Iterable[Sequence[Any]], length: Any) -> Iterator[MisplacedZone]:
+    """Look at the places of zones on a slope, one behind the other, or on many.
+
+    Parameters
+    ----------
+    places : iterable of pairs
+        Begin and end [m] of each zone: numbers, or arrays with one a slope, NaN where it has fewer zones.
+    length : float or ndarray
+        Of the slope [m].
+    """
+    reached = -math.inf
+    for zone, (begin, end) in enumerate(places):
+        yield MisplacedZone(zone, "begin", begin < reached, "must be >= the end of the zone before, {!r} m", reached)
+        yield MisplacedZone(zone, "begin", begin >= length, "must be < Slope.length = {!r} m", length)
+        yield MisplacedZone(zone, "end", end <= begin, "must be > its begin, {!r} m", begin)
+        beyond = (end > length) & (end < math.inf)
+        yield MisplacedZone(zone, "end", beyond, "must be <= Slope.length = {!r} m, or inf", length)
+        reached = np.fmax(reached, end)
 
 
 class State(Checked, params.State):

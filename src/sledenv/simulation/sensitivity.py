@@ -14,7 +14,15 @@ from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, made_body, segment, segment_records
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
-from sledenv.simulation.rules import RESTITUTION, checked_choice, checked_count, made
+from sledenv.simulation.rules import (
+    CLOSED_FRACTION,
+    POSITIVE,
+    RESTITUTION,
+    checked_choice,
+    checked_count,
+    made,
+    or_absent,
+)
 from sledenv.simulation.scene import (
     ContactLaw,
     Slope,
@@ -24,7 +32,7 @@ from sledenv.simulation.scene import (
     Zone,
     asymmetry_of,
     level_at,
-    zones_allowed,
+    misplaced_zones,
 )
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate, simulate_blocks
@@ -359,13 +367,18 @@ class Neighbours:
         """Whether a simulation would take each of these changes."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         restitution = self.centre[_RESTITUTION] + np.where(self.columns[which] == _RESTITUTION, changes, 0.0)
-        fine: NDArray[np.bool_] = RESTITUTION[0](restitution) & (launches[:, 0] < slopes[:, 1])
+        bounce = CLOSED_FRACTION if self.settings.solver == "rigid" else RESTITUTION
+        fine: NDArray[np.bool_] = bounce[0](restitution) & (launches[:, 0] < slopes[:, 1])
         segments = isinstance(self.descent.body, Segment)
         for kind, rows in ((Segment, bodies), (ContactLaw, laws), (Slope, slopes)):
             for (accepts, _), column in zip(kind.rules, rows.T, strict=False):  # zones come behind a slope
                 fine &= accepts(column) | (np.isnan(column) & (kind is Segment and not segments))
         zones = slopes[:, len(Slope.rules) :].reshape(len(slopes), len(self.descent.slope.zones), len(OF_ZONE))
-        fine &= zones_allowed(zones).all(axis=1)
+        of_zone = (*Zone.rules, or_absent(bounce), or_absent(POSITIVE))
+        for (accepts, _), column in zip(of_zone, np.moveaxis(zones, 2, 0), strict=True):
+            fine &= accepts(column).all(axis=1)
+        for one in misplaced_zones(np.moveaxis(zones[:, :, :2], 0, 2), slopes[:, 1]):
+            fine &= ~one.wrong
         if segments:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
