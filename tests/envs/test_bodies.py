@@ -30,9 +30,12 @@ SHAPE = sledenv.Context._fields.index("shape")
 
 
 def scenario(body: dict) -> sledenv.Scenario:
-    """A shipped scenario with another body, on a short slope with a zone and a run-out."""
+    """A shipped scenario with another body, on a short slope with two zones and a run-out."""
     slope = CONTENT["slope"] | {"length_m": 4.0, "run_out_m": 2.0}
-    zones = [{"begin_m": [1.0, 2.0], "end_m": 3.0, "friction": [0.3, 0.6]}]
+    zones = [
+        {"begin_m": 0.5, "end_m": 1.0, "friction": 0.1},
+        {"begin_m": [1.0, 2.0], "end_m": 3.0, "friction": [0.3, 0.6]},
+    ]
     return sledenv.Scenario.model_validate(CONTENT | {"slope": slope, "zones": zones, "body": body})
 
 
@@ -100,16 +103,33 @@ def test_a_body_can_be_asked_for():
     assert batch.reset(options={"context": {"shape": [2, 0, 1]}})[0][:, SHAPE].tolist() == [1.0, -1.0, 0.0]
 
 
-@pytest.mark.parametrize("kind", [SledLaunch, SledDescent, partial(SledLaunchVector, 2)])
-def test_a_body_that_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind):
+GIVEN = [SledLaunch, SledDescent, partial(SledLaunchVector, 2)]
+
+
+@pytest.mark.parametrize("kind", GIVEN)
+@pytest.mark.parametrize(
+    ("given", "field", "value", "allowed"),
+    [
+        (SEVERAL, "shape", 3.0, r"a whole number in \[0, 2\]"),
+        ("sled_snow", "zone_begin", 9.0, r"in \(-inf, 9\) m"),
+        ("sled_mat", "zone_begin", 12.0, r"in \(-inf, 12\) m"),
+        (SEVERAL, "zone_begin", 0.75, r"in \[1, 3\) m"),
+    ],
+)
+def test_what_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind, given, field, value, allowed):
     """Oracle: a twin that was never given it."""
-    env, twin = kind(SEVERAL), kind(SEVERAL)
+    env, twin = kind(given), kind(given)
     assert equal(env.reset(seed=1), twin.reset(seed=1))
-    with pytest.raises(ValueError, match=r"context.shape = 3.0: must be a whole number in \[0, 2\]"):
-        env.reset(seed=2, options={"context": {"shape": 3}})
+    with pytest.raises(ValueError, match=rf"context\.{field} = {value}: must be {allowed}"):
+        env.reset(seed=2, options={"context": {field: value}})
     action = np.zeros(env.action_space.shape, np.float32)
     assert equal(env.step(action), twin.step(action))
     assert equal(env.reset(), twin.reset())
+
+
+@pytest.mark.parametrize("kind", GIVEN)
+def test_a_scenario_with_one_body_has_no_other(kind):
+    """Oracle: the message."""
     with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
         kind(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
 

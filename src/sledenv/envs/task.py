@@ -241,8 +241,8 @@ class Task:
         return contexts
 
     def check(self, given: Given) -> None:
-        """Raise ValueError if episodes are to begin with a body that the scenario does not have."""
-        self.scenario.shapes(np.nan_to_num(given.fixed))
+        """Raise ValueError if episodes are to begin with what the scenario does not have, see :meth:`Scenario.check`."""
+        self.scenario.check(given.fixed)
 
     @staticmethod
     def context(contexts: Contexts) -> Context:

@@ -431,6 +431,25 @@ class Scenario(Document):
             raise ValueError(f"context.shape = {value!r}: must be a whole number in [0, {most}], that of a body")
         return shapes.astype(np.intp)
 
+    def check(self, contexts: NDArray[np.float64]) -> None:
+        """Check what only a scenario can tell of contexts of shape (N, 12); NaN is what is to be drawn.
+
+        Raises
+        ------
+        ValueError
+            If it has no such body, or if its zone cannot begin there, naming the field, its value and what is allowed.
+        """
+        self.shapes(np.nan_to_num(contexts))
+        drawn = self._drawn_zone
+        if drawn is None:
+            return
+        begins, ends = contexts[:, _ZONE], [math.inf if one.end_m is None else one.end_m for one in self.zones]
+        low, high = ends[drawn - 1] if drawn else -math.inf, min(ends[drawn], self.slope_section.length_m)
+        wrong = (begins < low) | (begins >= high)
+        if wrong.any():
+            value = float(begins[wrong][0])
+            raise ValueError(f"context.zone_begin = {value!r}: must be in {'[' if drawn else '('}{low:g}, {high:g}) m")
+
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""
         return ContactLaw(*self.laws(_alone(context))[0].tolist())
