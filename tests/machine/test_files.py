@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sledenv.machine.files import replacing, write_csv
+from sledenv.machine.files import put, replacing, write_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1+cmd|' /C calc'!A0", "-2-3", "@SUM(A1)", "\t=1+1", " =1", "=", "--1"])
@@ -40,6 +40,30 @@ def test_a_file_is_not_written_through_a_link_that_somebody_has_left(
     ):
         part.write_text("mine")
     assert (tmp_path / "theirs").read_text() == "theirs"
+
+
+def test_a_folder_that_cannot_be_moved_to_its_place_leaves_the_one_there(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: what was there, as if the disk had failed between the two moves."""
+    new, place, old = (tmp_path / name for name in ("new", "place", "old"))
+    for folder in (new, place):
+        folder.mkdir()
+        (folder / "which").write_text(folder.name, encoding="utf-8")
+    rename = Path.rename
+
+    def failing(path: Path, target: Path) -> Path:
+        if path == new:
+            raise OSError("no more room")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises(OSError, match="no more room"):
+        put(new, place, old)
+    assert [(place / "which").read_text(encoding="utf-8"), old.exists()] == ["place", False]
+    monkeypatch.undo()
+    put(new, place, old)
+    assert [(one / "which").read_text(encoding="utf-8") for one in (place, old)] == ["new", "place"]
 
 
 def test_a_full_disk_is_told_with_the_file_that_was_not_written(tmp_path: Path) -> None:

@@ -71,7 +71,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
     for part in ("trained", "judged", "searched"):
         (folder / part).mkdir(parents=True, exist_ok=True)
     with alone(folder / ".lock", wait=False):
-        _warm_up(jobs[0])
+        LIBRARY.ready()  # made once, if it must be, and not by every worker
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
         missing = [job for job in jobs if _found(suite, job, folder) is None]
         starts = range(0, suite.contexts, BLOCK)
@@ -84,14 +84,6 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
                 bar.update()
         _gather(suite, jobs, folder)
     return folder
-
-
-def _warm_up(job: Job) -> None:
-    """Compile the kernels once, or every worker would."""
-    problem = job.problem()
-    contexts = problem.contexts("train", 1)
-    problem.task.descend_batch(contexts, problem.task.launches(contexts))
-    problem.task.rides(contexts).hop(np.zeros(1))
 
 
 def _key(suite: Suite, job: Job, problem: Problem) -> str:

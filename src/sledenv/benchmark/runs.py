@@ -24,6 +24,7 @@ from pydantic import ConfigDict, ValidationError
 from sledenv.benchmark.problem import Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
+from sledenv.machine.files import put
 from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
@@ -144,9 +145,7 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
             agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
         record = {"train_seconds": time.perf_counter() - wall, "train_cpu_seconds": time.process_time() - cpu}
         write_yaml(part / _RECORD, record)
-        if folder.exists():
-            folder.rename(scratch / "before")
-        part.rename(folder)
+        put(part, folder, scratch / "before")
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return folder

@@ -9,10 +9,10 @@ from sledenv.command.running import FAILED, tell
 
 
 def doctor(*, json: Json = False) -> int:
-    """Compile all kernels beforehand and check the installation.
+    """Check the installation.
 
-    Compiles all kernels into the cache, so that nothing is compiled on first use; reports versions, processor, threads
-    and cache; checks results that are known. Ends with status 1 if something is wrong.
+    Loads the compiled kernel, which is made now if none fits; reports versions, processor, threads and cache; checks
+    results that are known. Ends with status 1 if something is wrong.
     """
     from sledenv.command.doctor import examine
 

@@ -241,7 +241,7 @@ class Task:
         return contexts
 
     def check(self, given: Given) -> None:
-        """Raise ValueError if episodes are to begin with what the scenario does not have, see :meth:`Scenario.check`."""
+        """Raise ValueError if episodes are to begin with what the scenario cannot have: :meth:`Scenario.check`."""
         self.scenario.check(given.fixed)
 
     @staticmethod

@@ -94,16 +94,21 @@ def publish(folder: str | Path, files: Collection[str]) -> Iterator[Path]:
         yield new
         check_free(place, folder, files)
         place.parent.mkdir(parents=True, exist_ok=True)
-        if place.exists():
-            place.rename(old)
-        try:
-            new.rename(place)
-        except BaseException:
-            if old.exists():
-                old.rename(place)
-            raise
+        put(new, place, old)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def put(new: Path, place: Path, old: Path) -> None:
+    """Move a folder to its place, and what has been there to ``old``; if that fails it is where it was."""
+    if place.exists():
+        place.rename(old)
+    try:
+        new.rename(place)
+    except BaseException:
+        if old.exists():
+            old.rename(place)
+        raise
 
 
 @contextmanager

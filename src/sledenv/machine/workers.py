@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from joblib import Parallel, delayed, parallel_config
+from joblib import Parallel, cpu_count, delayed, parallel_config
 
 Call = tuple[Callable[..., Any], tuple[Any, ...]]  # a function that can be pickled and what it is given
 Runner = Callable[[list[Call]], Iterator[Any]]
@@ -21,7 +21,7 @@ def runner(workers: int | None = None, ray: str | None = None) -> Runner:
     Parameters
     ----------
     workers : int, optional
-        Processes, all cores by default; of a cluster all that it has.
+        Processes, by default one for each core that this one may use; of a cluster all that it has.
     ray : str, optional
         Address of a Ray cluster, "local" to start one here.
 
@@ -30,7 +30,7 @@ def runner(workers: int | None = None, ray: str | None = None) -> Runner:
     ImportError
         If Ray is asked for and missing.
     """
-    return _through_ray(ray) if ray is not None else _through_joblib(workers or os.cpu_count() or 1)
+    return _through_ray(ray) if ray is not None else _through_joblib(workers or cpu_count())
 
 
 def _through_joblib(workers: int) -> Runner:

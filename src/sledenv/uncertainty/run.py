@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 import pandas as pd
-import yaml
 from numpy.typing import NDArray
 from SALib.sample import sobol
 from tqdm import tqdm
@@ -17,8 +16,9 @@ from tqdm import tqdm
 from sledenv.machine.files import check_free, replacing
 from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, Runner, runner
+from sledenv.scenarios.configuration import write_yaml
 from sledenv.simulation.lanes import check_room
-from sledenv.simulation.records import LOSSES, STATUS_OF_CODE
+from sledenv.simulation.records import LIBRARY, LOSSES, STATUS_OF_CODE
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.descents import PASSING, descend_past
@@ -101,7 +101,7 @@ def study(
     with replacing(folder / "study.html", ".html") as part:
         part.write_text(result.page(pictures), encoding="utf-8")
     with replacing(folder / "study.yaml", ".yaml") as part:
-        part.write_text(yaml.safe_dump(one.model_dump(mode="json"), sort_keys=False), encoding="utf-8")
+        write_yaml(part, one.model_dump(mode="json"))
     return result
 
 
@@ -147,7 +147,7 @@ def _simulate(
         )
     place.mkdir(parents=True, exist_ok=True)
     missing = [(file, part) for file, part in zip(files, parts, strict=True) if read_sealed(file, "simulating") is None]
-    _frame(one, drawn[: min(group, 4)])  # compiles the kernel once, or every worker would
+    LIBRARY.ready()  # made once, if it must be, and not by every worker
     calls: list[Call] = [(_write_block, (one, part, file)) for file, part in missing]
     done = len(drawn) - sum(len(part) for _, part in missing)
     bar = tqdm(total=len(drawn), initial=done, desc=one.id, unit=" launches", unit_scale=True, disable=not progress)
