@@ -9,7 +9,6 @@ from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self, cast
-from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,20 +19,20 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
 from sledenv.machine.extras import needs
 
+from .classes import Bins, Fit, keep, kept_weights
 from .curve import Curve
 from .touch import Touch
 
 with needs("agents", __name__):
     import torch
     from torch import nn
-    from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
+    from torch.optim.swa_utils import get_ema_multi_avg_fn
 
 
 Floats = NDArray[np.float32]
 
 _FILE: Final = "critic.npz"
 _RANGE: Final = (-0.1, 1.1)  # of the bins: a reward lies in [0, 1], and its smeared target within these
-_SMEAR: Final = 0.75  # standard deviation of a target, in bins: Farebrother et al., "Stop Regressing", 2024
 _AVERAGED: Final = 0.995  # of the averaged weights, how much is kept in a step
 _BLOCK: Final = 1 << 16  # landings that are rated at a time
 
@@ -67,9 +66,7 @@ class Critic(nn.Module):
         self.hidden = nn.Sequential(*(part for pair in hidden[1:] for part in pair))
         self.last = nn.Linear(widths[-1], bins)
         self._half = half
-        edges = torch.linspace(*_RANGE, bins + 1)
-        self.register_buffer("edges", edges, persistent=False)
-        self.register_buffer("middles", 0.5 * (edges[1:] + edges[:-1]), persistent=False)
+        self.bins = Bins(*_RANGE, bins)
 
     def forward(self, inputs: torch.Tensor) -> torch.Tensor:
         """Return logits of the bins."""
@@ -79,18 +76,12 @@ class Critic(nn.Module):
         logits: torch.Tensor = self.last(values.float())
         return logits
 
-    def loss(self, inputs: torch.Tensor, rewards: torch.Tensor) -> torch.Tensor:
-        """Return the mean cross-entropy against rewards of shape (n,), each a narrow normal distribution (HL-Gauss)."""
-        deviation = _SMEAR * (self.edges[1] - self.edges[0])
-        below = torch.special.ndtr((self.edges - rewards[:, None]) / deviation)
-        return nn.functional.cross_entropy(self(inputs), below.diff(dim=1))
-
     @torch.no_grad()
     def rate(self, observations: Floats, landings: Floats) -> Floats:
         """Return the expected rewards of landings of shape (n, m, k) in contexts seen, shape (n, 11); shape (n, m)."""
         many = landings.shape[1]
         inputs = self.touch.inputs(np.repeat(observations, many, axis=0), landings.reshape(-1, landings.shape[2]))
-        parts = [self(part).softmax(dim=1) @ self.middles for part in torch.split(torch.from_numpy(inputs), _BLOCK)]
+        parts = [self.bins.expected(self(part)) for part in torch.split(torch.from_numpy(inputs), _BLOCK)]
         return np.asarray(torch.cat(parts).numpy().reshape(-1, many))
 
 
@@ -319,16 +310,13 @@ class _Learner:
         rows = turns * settings["n_contexts"] * settings["n_tries"]
         self._inputs = np.empty((rows, critic.touch.width), np.float32)
         self._rewards = np.empty(rows, np.float32)
-        self._optimiser = torch.optim.AdamW(
-            critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
-        )
-        self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, turns * self._steps)
-        self._average = AveragedModel(critic, multi_avg_fn=get_ema_multi_avg_fn(_AVERAGED))  # type: ignore[no-untyped-call]
+        average = get_ema_multi_avg_fn(_AVERAGED)  # type: ignore[no-untyped-call]
+        self._fit = Fit(critic, settings["learning_rate"], turns * self._steps, average)
 
     @property
     def averaged(self) -> Critic:
         """The critic with weights averaged over the last steps."""
-        return cast(Critic, self._average.module)
+        return cast(Critic, self._fit.averaged)
 
     def add(self, samples: Samples) -> None:
         """Remember labelled landings."""
@@ -341,38 +329,7 @@ class _Learner:
         for _ in range(self._steps):
             rows = self._rng.integers(0, self.size, self._batch)
             inputs, rewards = torch.from_numpy(self._inputs[rows]), torch.from_numpy(self._rewards[rows])
-            loss = self._critic.loss(inputs, rewards)
-            self._optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            self._optimiser.step()
-            self._schedule.step()
-            self._average.update_parameters(self._critic)
-
-
-def keep(critic: nn.Module, path: Path) -> None:
-    """Write a critic as plain arrays of half precision: nothing that could run when it is read."""
-    arrays = {name: value.numpy().astype(np.float16) for name, value in critic.state_dict().items()}
-    np.savez_compressed(path, **arrays)
-
-
-def kept_weights(path: Path) -> dict[str, torch.Tensor]:
-    """Read what :func:`keep` wrote.
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be read, or a weight is no finite number: whatever is rated by it would be the first that is
-        tried.
-    """
-    try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
-    except (OSError, EOFError, ValueError, BadZipFile) as error:
-        raise ValueError(f"{path} cannot be read: {error}") from error
-    wrong = [name for name, value in state.items() if not value.isfinite().all()]
-    if wrong:
-        raise ValueError(f"{path}: {wrong[0]} has weights that are no finite numbers")
-    return state
+            self._fit.step(self._critic.bins.loss(self._critic(inputs), rewards))
 
 
 def kept(problem: Problem, path: Path) -> Critic:

@@ -207,14 +207,8 @@ class Learned:
         landing, flights = Landing(problem) if landings else None, _flights(problem)
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
-        chosen = {"control": problem.control} if problem.environment == "launch" else {}
         env: VecEnv = VecMonitor(
-            make_vec_env(
-                problem.id,
-                lanes,
-                seed * lanes,
-                env_kwargs={"scenario": problem.scenario, "split": "train"} | chosen,
-            )
+            make_vec_env(problem.id, lanes, seed * lanes, env_kwargs=problem.env_kwargs | {"split": "train"})
         )
         if problem.environment == "launch":
             env = Standardised(env, random_rewards(problem, seed))

@@ -42,7 +42,7 @@ class Agent(replan.Agent):
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read a run; raises as :func:`sledenv.agents.critic.kept_weights`."""
+        """Read a run; raises as :func:`sledenv.agents.classes.kept_weights`."""
         return cls(problem, **read_yaml(folder / _FILE), critic=ride_critic.Agent.load(problem, folder))
 
     def _worth_behind(self, rides: Rides) -> Floats:

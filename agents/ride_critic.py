@@ -18,7 +18,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.vector import SledDescentVector
 from sledenv.machine.extras import needs
 
-from .critic import keep, kept_weights
+from .classes import Bins, Fit, keep, kept_weights
 from .curve import Curve
 from .flight import Flights, Landings
 
@@ -26,14 +26,12 @@ with needs("agents", __name__):
     import torch
     from stable_baselines3.common.utils import get_device
     from torch import nn
-    from torch.optim.swa_utils import AveragedModel
 
 
 Floats = NDArray[np.float32]
 
 _FILE: Final = "critic.npz"
 _RANGE: Final = (-0.05, 1.05)  # of the bins: what a ride still earns lies in [0, 1]
-_SMEAR: Final = 0.75  # standard deviation of a target, in bins: Farebrother et al., "Stop Regressing", 2024
 _AVERAGED: Final = 0.998  # of the averaged weights, how much is kept in a step
 _BLUR: Final = 0.06  # standard deviation of the trims over which a rating is averaged: a narrow peak is a doubtful one
 _TRAINING, _ACTING = 21, 41  # trims that are rated in a flight
@@ -55,8 +53,6 @@ class Critic(nn.Module):
 
     mean: torch.Tensor
     deviation: torch.Tensor
-    edges: torch.Tensor
-    middles: torch.Tensor
 
     def __init__(self, width: int, trim_width: int, layers: list[int], bins: int) -> None:
         super().__init__()
@@ -66,9 +62,7 @@ class Critic(nn.Module):
         self.last = nn.Linear(layers[-1], bins)
         self.register_buffer("mean", torch.zeros(width))
         self.register_buffer("deviation", torch.ones(width))
-        edges = torch.linspace(*_RANGE, bins + 1)
-        self.register_buffer("edges", edges, persistent=False)
-        self.register_buffer("middles", 0.5 * (edges[1:] + edges[:-1]), persistent=False)
+        self.bins = Bins(*_RANGE, bins)
 
     def forward(self, flights: torch.Tensor, trims: torch.Tensor) -> torch.Tensor:
         """Return logits of the bins, (n, m, bins), for flights of shape (n, width) and trims (n, m, trim_width)."""
@@ -78,18 +72,12 @@ class Critic(nn.Module):
         logits: torch.Tensor = self.last(values.float())
         return logits
 
-    def loss(self, flights: torch.Tensor, trims: torch.Tensor, earned: torch.Tensor) -> torch.Tensor:
-        """Return the mean cross-entropy against what was earned, (n,), each a narrow normal distribution (HL-Gauss)."""
-        deviation = _SMEAR * (self.edges[1] - self.edges[0])
-        below = torch.special.ndtr((self.edges - earned[:, None]) / deviation)
-        return nn.functional.cross_entropy(self(flights, trims)[:, 0], below.diff(dim=1))
-
     @torch.no_grad()
     def rate(self, flights: Flights, landings: Landings, trims: Floats) -> Floats:
         """Return what is expected of trims, evenly spaced and of shape (m,), in flights; (n, m)."""
         inputs = flights.trimmed(landings, np.broadcast_to(trims, (len(landings.time), len(trims))))
-        given = (torch.from_numpy(part).to(self.middles.device) for part in (landings.inputs, inputs))
-        expected = (self(*given).softmax(dim=2) @ self.middles).cpu().numpy()
+        given = (torch.from_numpy(part).to(self.mean.device) for part in (landings.inputs, inputs))
+        expected = self.bins.expected(self(*given)).cpu().numpy()
         near = np.exp(-0.5 * ((trims - trims[:, np.newaxis]) / _BLUR) ** 2)
         return np.asarray(expected @ (near / near.sum(axis=0)), np.float32)
 
@@ -122,8 +110,8 @@ class Rides:
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
         self._flights = Flights(problem)
-        same, observed = AutoresetMode.SAME_STEP, problem.task.observed
-        self._env = SledDescentVector(self._lanes, problem.scenario, same, info=(), split="train", observe=observed)
+        kwargs = problem.env_kwargs | {"split": "train", "info": (), "autoreset_mode": AutoresetMode.SAME_STEP}
+        self._env = SledDescentVector(self._lanes, **kwargs)
         # No two seeds share a lane's stream of contexts.
         self._seen, _ = self._env.reset(seed=seed * self._lanes)
 
@@ -223,7 +211,7 @@ class Agent:
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the critic of a run; raises as :func:`sledenv.agents.critic.kept_weights`."""
+        """Read the critic of a run; raises as :func:`sledenv.agents.classes.kept_weights`."""
         state = kept_weights(folder / _FILE)
         *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
         critic = Critic(state["flight.weight"].shape[1], state["trim.weight"].shape[1], layers, bins)
@@ -254,21 +242,17 @@ class _Learner:
         turn = settings["n_lanes"] * settings["n_steps"]
         self._batch, self._steps = settings["batch_size"], turn * settings["n_epochs"] // settings["batch_size"]
         rows = turn * max(1, min(turns, settings["memory"] // turn))
-        self._device = critic.middles.device
+        self._device = critic.mean.device
         self._memory = tuple(
             torch.empty(shape, device=self._device)
             for shape in ((rows, critic.flight.in_features), (rows, 1, critic.trim.in_features), (rows,))
         )
-        self._optimiser = torch.optim.AdamW(
-            critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
-        )
-        self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, (turns - 1) * self._steps)
-        self._average = AveragedModel(critic, multi_avg_fn=_averaged)
+        self._fit = Fit(critic, settings["learning_rate"], (turns - 1) * self._steps, _averaged)
 
     @property
     def averaged(self) -> Critic:
         """The critic with weights averaged over the last steps."""
-        return cast(Critic, self._average.module)
+        return cast(Critic, self._fit.averaged)
 
     def add(self, samples: Samples) -> None:
         """Remember samples in place of the oldest ones; the first give the scales of the inputs."""
@@ -286,12 +270,8 @@ class _Learner:
         for _ in range(self._steps):
             drawn = self._rng.integers(0, min(self.seen, len(self._memory[0])), self._batch)
             rows = torch.from_numpy(drawn).to(self._device)
-            loss = self._critic.loss(*(part[rows] for part in self._memory))
-            self._optimiser.zero_grad()
-            loss.backward()  # type: ignore[no-untyped-call]
-            self._optimiser.step()
-            self._schedule.step()
-            self._average.update_parameters(self._critic)
+            flights, trims, earned = (part[rows] for part in self._memory)
+            self._fit.step(self._critic.bins.loss(self._critic(flights, trims)[:, 0], earned))
 
 
 @torch.no_grad()

@@ -60,4 +60,5 @@ class Standardised(gym.RewardWrapper[Floats, Floats]):
 
 def _problem(env: gym.Env[Floats, Floats]) -> Problem:
     task = cast(SledLaunch, env.unwrapped).task
-    return Problem(task.scenario, control=task.control, solver=task.solver)
+    noise = tuple(task.noise.tolist())
+    return Problem(task.scenario, control=task.control, solver=task.solver, launch_noise=noise, observe=task.observed)

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from sledenv.agents import curve
-from sledenv.agents.critic import ACTING, Agent, Critic, Sampler, keep, kept, searched
+from sledenv.agents.classes import Bins, keep
+from sledenv.agents.critic import ACTING, Agent, Critic, Sampler, kept, searched
 from sledenv.agents.touch import Touch
 from sledenv.agents.train import default_settings, run_folder
 from sledenv.benchmark.landing import Landing
@@ -24,16 +25,15 @@ def settings(problem: Problem) -> dict:
 
 
 def test_a_target_is_the_reward_that_it_stands_for():
-    """Oracle: the least cross-entropy of a critic that may answer anything is its target; its mean is the reward."""
-    critic = Critic(Touch(Problem(own_scenario("brake_mat"))), [8], 41)
-    rewards = torch.linspace(0.0, 1.0, 11)
+    """Oracle: the least cross-entropy of logits that may be anything is their target; its mean is the reward."""
+    bins, rewards = Bins(-0.1, 1.1, 41), torch.linspace(0.0, 1.0, 11)
     logits = torch.zeros(11, 41, requires_grad=True)
-    critic.forward = lambda inputs: logits
-    (gradient,) = torch.autograd.grad(critic.loss(torch.zeros(11, 1), rewards), logits)
+    (gradient,) = torch.autograd.grad(bins.loss(logits, rewards), logits)
     targets = 1 / 41 - 11 * gradient  # of softmax and cross-entropy: answer less target, over the rows
     assert (targets >= -1e-5).all()
     np.testing.assert_allclose(targets.sum(dim=1), 1.0, atol=2e-4)
-    np.testing.assert_allclose(targets @ critic.middles, rewards, atol=2e-4)
+    np.testing.assert_allclose(targets @ bins.middles, rewards, atol=2e-4)
+    np.testing.assert_allclose(bins.expected(targets.clamp(min=1e-9).log()), rewards, atol=2e-4)
 
 
 @pytest.mark.parametrize("scenario", ["sled_snow", own_scenario("boulders"), own_scenario("brake_mat")])

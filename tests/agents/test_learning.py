@@ -9,6 +9,7 @@ import torch
 from sb3_contrib import TQC
 from stable_baselines3 import PPO, SAC
 
+from sledenv.agents import learning, ride_critic
 from sledenv.agents.learning import Landed, Standardised, random_rewards
 from sledenv.agents.ppo import Agent as PpoAgent
 from sledenv.agents.searching import COARSE, SearchingSAC, SearchingTQC, searching
@@ -169,11 +170,32 @@ def test_an_agent_without_landings_launches_what_its_policy_says(landings, tmp_p
         assert np.array_equal(agent.act(seen), told) != landings
 
 
+HIDING = {"launch_noise": (0.01, 0.0), "observe": ["angle", "speed"]}
+
+
+@pytest.mark.parametrize(("scenario", "environment"), [(BRAKE_MAT, "launch"), ("sled_kickers", "descent")])
+def test_agents_train_on_the_problem_on_which_they_are_judged(scenario, environment, tmp_path, monkeypatch):
+    """Oracle: the task by which they are judged, with less noise than its scenario and with hidden fields."""
+    problem, made = Problem(scenario, environment, **HIDING), []
+    monkeypatch.setattr(learning, "make_vec_env", lambda *a, **k: made.append(make_vec_env(*a, **k)) or made[-1])
+    quick = {"n_timesteps": 64, "n_envs": 8, "n_steps": 4, "n_epochs": 1, "batch_size": 8, "checks": 1}
+    PpoAgent.train(problem, default_settings("ppo", problem) | quick, 0, tmp_path)
+    tasks = [lanes.env.task for lanes in made]
+    if environment == "descent":
+        rides = ride_critic.Rides(problem, default_settings("ride_critic", problem) | {"n_lanes": 2}, 0)
+        tasks.append(rides._env.task)
+    hidden = [problem.task.observation_names.index(name) for name in ("friction", "restitution")]
+    for task in tasks:
+        assert (task.identity, task.split) == (problem.task.identity, "train")
+        assert not task.varies[hidden].any()
+
+
 def test_the_wrappers_of_one_environment_are_those_of_the_lanes():
     """Oracle: the wrapped lanes that PPO and SAC train in, with the same contexts and actions."""
-    problem = Problem(BRAKE_MAT)
-    one = Standardised1(Landed1(gym.make("sledenv/SledLaunch-v0", scenario=BRAKE_MAT, split="train")))
-    lanes = make_vec_env(problem.id, 1, 3, env_kwargs={"scenario": BRAKE_MAT, "split": "train"})
+    problem = Problem(BRAKE_MAT, **HIDING)
+    kwargs = problem.env_kwargs | {"split": "train"}
+    one = Standardised1(Landed1(gym.make("sledenv/SledLaunch-v0", **kwargs)))
+    lanes = make_vec_env(problem.id, 1, 3, env_kwargs=kwargs)
     vector = Landed(Standardised(lanes, random_rewards(problem, seed=0)), Landing(problem))
     seen, _ = one.reset(seed=3)
     np.testing.assert_array_equal(vector.reset()[0], seen)

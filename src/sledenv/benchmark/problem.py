@@ -126,6 +126,14 @@ class Problem:
         self._seen_by: Task | None = None  # as whose contexts agents see those of this one
         self.turns = tuple(bounds[name][1] - bounds[name][0] == CONTROLS[name].turn for name in self.task.controlled)
 
+    @property
+    def env_kwargs(self) -> dict[str, Any]:
+        """Keywords of an environment of ``id`` that shows and asks what agents are judged on; a split is not among them."""
+        task = self.task
+        kwargs = {"scenario": self.scenario, "solver": task.solver, "observe": task.observed}
+        kwargs["launch_noise"] = tuple(self.noise.tolist())
+        return kwargs if self.environment == "descent" else kwargs | {"control": self.control}
+
     def shifted(self) -> Problem:
         """Return the problem in contexts of a kind that no one trains on, to judge agents of this one in them.
 
