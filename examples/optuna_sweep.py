@@ -46,9 +46,7 @@ def trained(trial: optuna.trial.BaseTrial, problem: Problem, updates: int) -> tu
         "n_epochs": trial.suggest_int("n_epochs", 4, 16, log=True),
         "batch_size": trial.suggest_categorical("batch_size", [64, 256]),
     }
-    lanes = make_vec_env(
-        problem.id, LANES, seed=0, env_kwargs=problem.env_kwargs | {"split": "train"}
-    )
+    lanes = make_vec_env(problem.id, LANES, seed=0, env_kwargs=problem.env_kwargs | {"split": "train"})
     policy: dict[str, Any] = {"log_std_init": -0.7}
     model = PPO("MlpPolicy", lanes, gamma=0.0, n_steps=STEPS, seed=0, device="cpu", policy_kwargs=policy, **settings)
     reward = 0.0

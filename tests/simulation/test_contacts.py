@@ -14,6 +14,7 @@ from sledenv.simulation.bodies import segment
 from sledenv.simulation.outcomes import Descent, contacts_in, ground_name
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Solver
+from sledenv.simulation.shapes import polygon
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 
@@ -121,3 +122,29 @@ def test_curves_of_contacts_bear_the_names_of_what_touches() -> None:
         {"nose on vertex 1", "nose on vertex 1, 2"},
         {"tail on vertex 1", "tail on vertex 1, 2"},
     )
+
+
+@pytest.mark.parametrize("kind", range(12))
+def test_a_body_that_rests_in_a_dip_is_held_by_the_forces_at_its_contacts(kind: int) -> None:
+    """Oracle: equilibrium: the forces balance the weight, and their moments with the rolling resistance are zero."""
+    rng = np.random.default_rng(kind)
+    one, other = rng.uniform(0.3, 0.9, 2)  # slopes of the faces
+    ground = Slope(rng.uniform(-0.1, 0.1), profile=[(0.0, 0.0), (2.0, -2.0 * one), (4.0, 2.0 * (other - one))])
+    corners = [(0.0, 0.0), (rng.uniform(0.4, 0.8), 0.0), (0.5, rng.uniform(0.2, 0.5)), (0.0, 0.3)]
+    body = polygon(20.0, corners, rounding=0.02)
+    law = ContactLaw.from_restitution(0.2, stiffness=1e9, friction=1.0, rolling_arm=rng.choice([0.0, 0.002]))
+    launch = State(rng.uniform(1.5, 2.5), 1.0, rng.uniform(-3.0, 3.0))
+    descent = simulate(body, law, ground, launch, record="trajectory", max_time=60.0)
+    assert descent.status == "jammed"
+    row, contacts = descent.trajectory[-1], descent.contacts[descent.contacts["row"] == len(descent.trajectory) - 1]
+    nx, ny, normal, tangential = (contacts[name] for name in ("normal_x", "normal_y", "normal", "tangential"))
+    fx, fy = normal * nx + tangential * ny, normal * ny - tangential * nx
+    weight = body.mass * ground.gravity
+    moment = ((contacts["x"] - row["x"]) * fy - (contacts["y"] - row["y"]) * fx).sum() + row["rolling"]
+    assert fx.sum() == pytest.approx(-weight * math.sin(ground.angle), abs=1e-6 * weight)
+    assert fy.sum() == pytest.approx(weight * math.cos(ground.angle), abs=1e-6 * weight)
+    depth = normal / (
+        law.stiffness * (1.0 - law.asymmetry)
+    )  # at most; friction acts so far below the ground
+    assert moment == pytest.approx(0.0, abs=(np.abs(tangential) * depth).sum() + 1e-9 * weight * body.size)
+    assert (np.abs(tangential) <= (1.0 + 1e-9) * normal).all()

@@ -128,7 +128,7 @@ class Problem:
 
     @property
     def env_kwargs(self) -> dict[str, Any]:
-        """Keywords of an environment of ``id`` that shows and asks what agents are judged on; a split is not among them."""
+        """Keywords, but for a split, of an environment of ``id`` that shows and asks what agents are judged on."""
         task = self.task
         kwargs = {"scenario": self.scenario, "solver": task.solver, "observe": task.observed}
         kwargs["launch_noise"] = tuple(self.noise.tolist())

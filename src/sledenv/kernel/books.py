@@ -84,7 +84,7 @@ def book_step(space: np.void, t: float) -> None:
 
 @kernel
 def book_spring(contact: np.void, before: float, rebound: np.void) -> None:
-    """Book what the spring of a contact loses while its gap [m] goes from ``before`` to where it is; keep the peaks."""
+    """Book what the spring of a contact loses while its gap [m] goes from ``before`` to where it is."""
     after = contact["gap"]
     if contact["gap_sign"] > 0:
         rebound["hysteresis"] += 0.5 * (contact["closing"] - contact["opening"]) * (before * before - after * after)

@@ -9,12 +9,11 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, place, touching_place, velocities
 from sledenv.kernel.ground import GROUND
-from sledenv.kernel.records import CONTACT_LOSSES
+from sledenv.kernel.records import CONTACT_LOSSES, MOST_CONTACTS
 
-MOST: Final = 8  # contacts at once
 ORDER: Final = 16  # of the power series
 WIDTH: Final = ORDER + 3  # terms that have room; places have one order more than velocities
-ZEROS: Final = 2 * MOST + 1  # velocities that may be zero: gap rate and slip of each contact, and the spin
+ZEROS: Final = 2 * MOST_CONTACTS + 1  # velocities that may be zero: gap rate and slip of each contact, and the spin
 PER: Final = np.array([0.0, *(1.0 / k for k in range(1, WIDTH + 1))])  # 1 / k
 DEEPEST: Final = 64  # rows of the stack of the root search
 
@@ -59,7 +58,7 @@ CONTACTS: Final = np.dtype(
         *fields("i8", "count"),
         *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
         ("alike", "i8"),  # 1 if all slip as the first one does: the sum of their friction is known, no part of it
-        ("at", CONTACT, (MOST + 1,)),  # the last one serves to exchange two
+        ("at", CONTACT, (MOST_CONTACTS + 1,)),  # the last one serves to exchange two
     ]
 )
 
@@ -70,7 +69,7 @@ TERMS: Final = np.dtype(fields("f8", "gap gap_rate slip normal force distance dx
 SERIES: Final = np.dtype(
     [
         *fields("f8", "x y phi u v omega sine cosine sw cw gs gc moment", (WIDTH,)),
-        ("of", TERMS, (MOST,)),
+        ("of", TERMS, (MOST_CONTACTS,)),
     ]
 )
 
@@ -90,7 +89,7 @@ CHOICE: Final = np.dtype(
         *fields("i8", "zeros locks spin_before"),
         ("zero", ZERO, (ZEROS,)),
         ("lock", LOCK, (3,)),
-        ("share", SHARE, (MOST,)),
+        ("share", SHARE, (MOST_CONTACTS,)),
         *fields("f8", "du dv domega"),  # [m/s^2, rad/s^2]
         *fields("f8", "moment load scale"),  # [N m] of rolling, [N] all loads, [N] scale of forces
         ("wrong", "f8"),  # [N] how far the mode is from holding
@@ -222,9 +221,9 @@ def order_last(contacts: np.void) -> None:
     if last < 1 or contacts["at"][last - 1]["gap"] != 0.0:
         return
     if abs(contacts["at"][last]["ln"]) > abs(contacts["at"][last - 1]["ln"]):
-        contacts["at"][MOST] = contacts["at"][last]
+        contacts["at"][MOST_CONTACTS] = contacts["at"][last]
         contacts["at"][last] = contacts["at"][last - 1]
-        contacts["at"][last - 1] = contacts["at"][MOST]
+        contacts["at"][last - 1] = contacts["at"][MOST_CONTACTS]
 
 
 @kernel

@@ -21,7 +21,7 @@ from sledenv.kernel.books import (
 )
 from sledenv.kernel.candidates import watch_others
 from sledenv.kernel.carry import carry_contacts, stop_or_release
-from sledenv.kernel.contacts import MOST, ORDER, add, drop, order_last, write_surface
+from sledenv.kernel.contacts import ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
 from sledenv.kernel.geometry import heights_within, place
@@ -34,6 +34,7 @@ from sledenv.kernel.records import (
     FINISH,
     JAMMED,
     LOG_FULL,
+    MOST_CONTACTS,
     NON_FINITE,
     RUNNING,
     STEP_BUDGET,
@@ -57,7 +58,7 @@ LONG_FLIGHT: Final = -2  # the flight under way is long enough for a trim
 
 
 @kernel
-def take_up(flight: np.void, limits: Limits, space: np.void) -> None:
+def take_up(flight: np.void, space: np.void) -> None:
     """Put the body where a flight is, at its launch or at a rebound."""
     motion = space["motion"]
     motion["t"], motion["x"], motion["y"], motion["phi"] = flight["t"], flight["x"], flight["y"], flight["phi"]
@@ -215,7 +216,7 @@ def _be_born(
 ) -> int:
     """Add the pair that has come to touch to the contacts; return the status."""
     contacts, event = space["contacts"], space["event"]
-    if contacts["count"] == MOST:
+    if contacts["count"] == MOST_CONTACTS:
         return BURIED
     add(body, pieces, space, event["who"], event["side"], event["piece"])
     contact = contacts["at"][contacts["count"] - 1]
@@ -451,7 +452,7 @@ def descend(
         Rows are written while there is room; ``flight["samples"]`` says how many were needed.
     """
     if space["begun"] == 0.0:
-        take_up(flight, limits, space)
+        take_up(flight, space)
         space["finish"] = slope.length + (limits.run_out if flight["t_line"] < math.inf else 0.0)
         space["begun"] = 1.0
     before = flight["rebounds"]

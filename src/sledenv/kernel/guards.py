@@ -37,7 +37,7 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
 ) = range(10)
 TIED: Final = 1e-13  # part of a time: events nearer than this are at the same time, and the first in order counts
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
-STEADY: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
+STEADY_RATE: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there,
 RESTING: Final = 1e-6  # and stays there in a step that does not move it by more than this part of that
 
@@ -59,7 +59,7 @@ def first_term(body: np.void, space: np.void) -> int:
     if abs(poly[1]) > STILL * speed:
         return 1
     turning = size * max(abs(s["sine"][2]), abs(s["cosine"][2]))
-    return 2 if abs(poly[2]) > STEADY * max(abs(s["x"][2]), abs(s["y"][2]), turning) else 3
+    return 2 if abs(poly[2]) > STEADY_RATE * max(abs(s["x"][2]), abs(s["y"][2]), turning) else 3
 
 
 @kernel
@@ -191,9 +191,7 @@ def _watch_end(
         moves = (moves + abs(poly[k])) * event["time"]
     if abs(poly[0]) < near and moves < RESTING * near:
         return  # it stays at the end
-    zeros = 1
-    while zeros < 3 and poly[zeros] == 0.0:
-        zeros += 1
+    zeros = _begun(poly, 1)
     if poly[zeros] < 0.0:
         if event["time"] > 0.0:
             event["time"], event["code"], event["who"], event["side"] = 0.0, code, c, side

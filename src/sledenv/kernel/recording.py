@@ -9,10 +9,11 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, sine_cosine, wrap
 from sledenv.kernel.books import ground_of, part_of, side_that_lies
-from sledenv.kernel.contacts import MOST
 from sledenv.kernel.expansion import value
 from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.mode import NEARLY
 from sledenv.kernel.params import Limits
+from sledenv.kernel.records import MOST_CONTACTS
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
 MOST_ROWS: Final = 1e18  # up to which they are counted
@@ -25,7 +26,7 @@ def _next_row(trajectory: np.ndarray, flight: np.void) -> np.void:
     flight["samples"] += 1
     row["normal"] = row["tangential"] = row["rolling"] = row["slip_velocity"] = row["friction_ratio"] = 0.0
     row["feature"] = row["slip"] = row["spin"] = row["touching"] = 0
-    for c in range(MOST):
+    for c in range(MOST_CONTACTS):
         contact = row["contacts"][c]
         contact["x"] = contact["y"] = contact["normal_x"] = contact["normal_y"] = 0.0
         contact["normal"] = contact["tangential"] = 0.0
@@ -66,11 +67,36 @@ def _write_place(body: np.void, pieces: np.ndarray, contact: np.void, row: np.vo
 
 
 @kernel
+def _slide_alike(one: np.void, other: np.void, size: float) -> bool:
+    """Whether two contacts lie on one tangent: their slip is the same, and only the sum of their friction is known."""
+    turned = abs(one["nx"] - other["nx"]) + abs(one["ny"] - other["ny"])
+    return bool(turned < NEARLY and abs(one["lt"] - other["lt"]) < NEARLY * size)
+
+
+@kernel
+def _share(body: np.void, space: np.void, t: float, at_rest: bool, row: np.void) -> None:
+    """Write the friction of contacts that stick on one tangent: they share its sum as their bounds are."""
+    contacts, s, choice = space["contacts"], space["series"], space["choice"]
+    for c in range(contacts["count"]):
+        contact, out = contacts["at"][c], row["contacts"][c]
+        if contact["slip_still"] == 0:
+            continue
+        bound, force = 0.0, 0.0
+        for q in range(contacts["count"]):
+            other = contacts["at"][q]
+            if other["slip_still"] != 0 and _slide_alike(contact, other, body["size"]):
+                bound += other["friction"] * row["contacts"][q]["normal"]
+                force += choice["share"][q]["force"] if at_rest else value(s["of"][q]["force"], t)
+        if bound > 0.0:
+            out["tangential"] = force * (contact["friction"] * out["normal"] / bound)
+
+
+@kernel
 def _write_forces(body: np.void, pieces: np.ndarray, space: np.void, t: float, at_rest: bool, row: np.void) -> None:
     """Write the forces of a row at a time of the step; or those with which the body rests."""
     contacts, s, choice = space["contacts"], space["series"], space["choice"]
     count = contacts["count"]
-    bound, stuck_bound, stuck_force = 0.0, 0.0, 0.0
+    bound = 0.0
     for c in range(count):
         contact, terms, out = contacts["at"][c], s["of"][c], row["contacts"][c]
         _write_place(body, pieces, contact, row, out)
@@ -81,14 +107,7 @@ def _write_forces(body: np.void, pieces: np.ndarray, space: np.void, t: float, a
         row["normal"] += normal
         row["tangential"] += force
         bound += contact["friction"] * normal
-        if contact["slip_still"] != 0:
-            stuck_bound += contact["friction"] * normal
-            stuck_force += force
-    if stuck_bound > 0.0:  # only their sum is determined: they share it as their bounds are
-        for c in range(count):
-            contact, out = contacts["at"][c], row["contacts"][c]
-            if contact["slip_still"] != 0:
-                out["tangential"] = stuck_force * (contact["friction"] * out["normal"] / stuck_bound)
+    _share(body, space, t, at_rest, row)
     row["touching"] = count
     row["rolling"] = choice["moment"] if at_rest else value(s["moment"], t)
     row["friction_ratio"] = row["tangential"] / bound if bound > 0.0 else 0.0

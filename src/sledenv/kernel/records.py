@@ -145,7 +145,7 @@ PHASE = np.dtype(
     align=True,
 )
 
-MOST_CONTACTS: Final = 8  # that a row of a trajectory has room for
+MOST_CONTACTS: Final = 8  # at once; a row of a trajectory has room for so many
 
 # Where a body touches the slope, and the force on it there. Codes of the ground, in their order along x: 2 k of piece k
 # of its profile, 2 k + 1 of vertex k, which ends piece k; a plane is piece 0.

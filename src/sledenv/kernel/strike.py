@@ -11,13 +11,13 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import side_that_lies
 from sledenv.kernel.candidates import touches_beside
-from sledenv.kernel.contacts import MOST, add, drop, order_last
+from sledenv.kernel.contacts import add, drop, order_last
 from sledenv.kernel.frozen import hit_together
 from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
 from sledenv.kernel.outline import arc_at
 from sledenv.kernel.params import Incline
-from sledenv.kernel.records import RUNNING, STEP_BUDGET
+from sledenv.kernel.records import MOST_CONTACTS, RUNNING, STEP_BUDGET
 
 MOST_STRIKES: Final = 10000  # impacts without a flight between them
 NEARLY: Final = 1e-6  # of the size: stiff springs would touch with another point as close to the slope as this too
@@ -87,7 +87,7 @@ def _add_near(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
         return True
     here = _gap(body, pieces, motion, contacts["at"][0]["arc"], j)
     for other in (lowest, int(body["falling"][lowest]), int(body["rising"][lowest])):
-        if other < 0 or contacts["count"] == MOST:
+        if other < 0 or contacts["count"] == MOST_CONTACTS:
             continue
         arc = arc_number(body, other)
         if touches_beside(body, contacts, arc, j):
