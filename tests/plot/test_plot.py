@@ -26,7 +26,7 @@ from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import Arc
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.shapes import rod as round_rod
 from sledenv.simulation.simulate import simulate
@@ -296,6 +296,30 @@ def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: 
     assert [ax.get_ylabel().split()[0] for ax in figure.axes] == ["u", "v", "ω", "energy"]
 
 
+STEEL = ContactLaw.from_restitution(0.2, stiffness=1e7, friction=0.1, rolling_arm=0.0)
+BLOCK = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)])
+
+
+def test_the_energy_layers_of_a_block_that_lands_flat_add_up_at_all_times() -> None:
+    """Oracle: conservation; two corners of the same arm lie above each other, and the upper ones do not touch."""
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    descent = run(BLOCK, law, Slope(0.0, 50.0), (0.0, 0.5, 0.0), max_time=1.2)  # type: ignore[arg-type]
+    sums = np.sum(list(plot.energy_layers(descent, drawable_rows(descent)).values()), axis=0)
+    assert sums == pytest.approx(sums[0], rel=1e-3)
+    low, high = plot.plot_descent(descent).axes[2].get_ylim()
+    assert (low, high) == pytest.approx((-high, high))  # the spin is zero but for rounding
+    assert high > 1e6 * np.abs(descent.trajectory["omega"]).max()
+
+
+def test_the_forces_on_a_block_that_slides_flat_do_not_turn_it() -> None:
+    """Oracle: Euler's law: its spin is zero throughout."""
+    launch = State(0.0, 0.2, 0.0, 3.0)
+    descent = simulate(BLOCK, STEEL, Slope(0.1, 50.0), launch, solver="rigid", record="trajectory")
+    assert (descent.trajectory["omega"] == 0.0).all()
+    _, moment = curve(plot.plot_impact(descent), 2)
+    assert moment == pytest.approx(0.0, abs=1e-12 * BLOCK.mass * 9.81)
+
+
 def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
     """Oracle: conservation; the chord hits the slope at the end of a long contact, and what it loses is lost then."""
     law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.295, rolling_arm=0.005)
@@ -402,6 +426,21 @@ def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
     assert np.nanmax(np.abs(used)) <= 1.0 + 1e-9
     with pytest.raises(ValueError, match="flies all the time"):
         plot.plot_slip(jams, 0.0, 0.9 * float(jams.rebounds["t"][0] - jams.rebounds["duration"][0]))
+
+
+@pytest.mark.parametrize("solver", ["rigid", "compliant"])
+def test_friction_is_used_up_where_a_block_slides_into_a_zone_and_out_of_it(solver: str) -> None:
+    """Oracle: F = -f N with the friction of either side, also in the rows at the borders; one impulse of both."""
+    mat = Slope(math.radians(10.0), 50.0, zones=[Zone(3.0, 4.5, 0.5, 0.0)])
+    launch = State(0.0, 0.2, 0.0, 6.0)
+    descent = simulate(BLOCK, STEEL, mat, launch, solver=solver, max_time=1.5, record="trajectory")  # type: ignore[arg-type]
+    assert descent.state.x > 6.0
+    for line in plot.plot_slip(descent).axes[1].lines[1:3]:
+        used = np.asarray(line.get_ydata(), float)
+        assert used[~np.isnan(used)] == pytest.approx(-1.0, abs=1e-6)
+        assert np.count_nonzero(~np.isnan(used)) > 50
+    share = plot.plot_impulses(descent).axes[1].collections[0].get_segments()[0][1, 1]
+    assert -1.0 <= share < -0.1
 
 
 def test_the_loop_of_a_contact_has_the_area_of_its_loss(slides: Descent) -> None:

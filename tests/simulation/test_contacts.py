@@ -143,8 +143,6 @@ def test_a_body_that_rests_in_a_dip_is_held_by_the_forces_at_its_contacts(kind: 
     moment = ((contacts["x"] - row["x"]) * fy - (contacts["y"] - row["y"]) * fx).sum() + row["rolling"]
     assert fx.sum() == pytest.approx(-weight * math.sin(ground.angle), abs=1e-6 * weight)
     assert fy.sum() == pytest.approx(weight * math.cos(ground.angle), abs=1e-6 * weight)
-    depth = normal / (
-        law.stiffness * (1.0 - law.asymmetry)
-    )  # at most; friction acts so far below the ground
+    depth = normal / (law.stiffness * (1.0 - law.asymmetry))  # at most; friction acts so far below the ground
     assert moment == pytest.approx(0.0, abs=(np.abs(tangential) * depth).sum() + 1e-9 * weight * body.size)
     assert (np.abs(tangential) <= (1.0 + 1e-9) * normal).all()

@@ -127,7 +127,7 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
     scale, unit = _time_scale(rows)
     touches = touches_in(descent.body, rows)
     forces = touches.forces
-    bound = descent.slope.friction_at(forces["x"], descent.law.friction) * forces["normal"]
+    bound = _friction(descent, rows) * forces["normal"]
     loaded = (bound > 0.0) & (forces["normal"] > _ROUNDING * forces["normal"].max())
     used = np.divide(forces["tangential"], bound, out=np.full(len(forces), np.nan), where=loaded)
     curves = [by_label(descent, forces, values, len(rows)) for values in (touches.slip_velocity, used)]
@@ -163,6 +163,21 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
         figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5))
         figure.align_ylabels(axes)
     return figure
+
+
+def _friction(descent: Descent, rows: np.ndarray) -> np.ndarray:
+    """Friction [-] of the contacts in rows of a trajectory, one behind the other.
+
+    A step ends where a zone begins, and its last row has the friction of the others: that of half the way to the row
+    before. The first one has that of half the way to the row behind.
+    """
+    number = np.arange(len(rows))
+    ends = np.append(np.diff(rows["t"]) == 0.0, True)
+    x = rows["contacts"]["x"]
+    beside = np.clip(np.where(ends, number - 1, number + 1), 0, len(rows) - 1)
+    same = (rows["touching"] == rows["touching"][beside])[:, np.newaxis]
+    friction = descent.slope.friction_at(np.where(same, 0.5 * (x + x[beside]), x), descent.law.friction)
+    return friction[np.arange(x.shape[1]) < rows["touching"][:, np.newaxis]]
 
 
 def plot_penetration(descent: Descent, number: int = 0) -> Figure:

@@ -27,11 +27,13 @@ from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES
 from sledenv.simulation.scene import asymmetry_of
+from sledenv.simulation.sensitivity import natural_units
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+_LEAST: Final = 1e-6  # of the natural units: what an axis shows at least, so that rounding looks like a straight line
 _STILL: Final = 1e-9  # [m/s] rounding of the rate of a gap that turns
 
 
@@ -59,6 +61,7 @@ def plot_descent(descent: Descent) -> Figure:
     rows = drawable_rows(descent)
     t = rows["t"]
     layers = energy_layers(descent, rows)
+    rates = natural_units(descent.body, descent.slope, descent.launch)[3:]
     curves = (("u", "u [m/s]\nalong the slope"), ("v", "v [m/s]\nnormal to it"), ("omega", "ω [rad/s]\nspin"))
     with styled():
         from matplotlib.figure import Figure
@@ -70,6 +73,9 @@ def plot_descent(descent: Descent) -> Figure:
             ax.axhline(0.0, color=INK, lw=0.6)
             ax.plot(t, rows[field], color=BLUE)
             ax.set_ylabel(label)
+            least = _LEAST * (rates[2] if field == "omega" else max(rates[:2]))
+            low, high = ax.get_ylim()
+            ax.set_ylim(min(low, -least), max(high, least))
         colours = (BLUE, SKY, POTENTIAL, GREEN, RED, ORANGE, PURPLE, INK)
         axes[3].stackplot(t, list(layers.values()), labels=list(layers), colors=colours, lw=0.0)
         axes[3].set_ylabel("energy [J]")

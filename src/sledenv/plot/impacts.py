@@ -130,8 +130,9 @@ def plot_impulses(descent: Descent) -> Figure:
     Returns
     -------
     Figure
-        Normal impulse, on a logarithmic scale; tangential impulse over its bound, SF/(f SN) in [-1, 1]. Contacts that
-        last are shaded, and their stems, at their ends, are hollow.
+        Normal impulse, on a logarithmic scale; tangential impulse over its bound, SF/(f SN) in [-1, 1], where a contact
+        that crosses zones has the largest of their f. Contacts that last are shaded, and their stems, at their ends,
+        are hollow.
 
     Raises
     ------
@@ -144,7 +145,7 @@ def plot_impulses(descent: Descent) -> Figure:
     log = log[log["normal_impulse"] > 0.0]
     if len(log) == 0:
         raise ValueError("the descent has no rebounds: there is nothing to draw")
-    bound = descent.slope.friction_at(log["x_contact"], descent.law.friction) * log["normal_impulse"]
+    bound = np.array([_largest_friction(descent, row) for row in log]) * log["normal_impulse"]
     share = np.divide(log["tangential_impulse"], bound, out=np.zeros(len(log)), where=bound > 0.0)
     lasting = log["duration"] > 0.0
     with styled():
@@ -179,6 +180,17 @@ def plot_impulses(descent: Descent) -> Figure:
         figure.legend(handles=handles, loc="outside lower center", ncols=3)
         figure.align_ylabels(axes)
     return figure
+
+
+def _largest_friction(descent: Descent, rebound: np.void) -> float:
+    """Largest friction [-] of the places where a contact has been."""
+    places = [float(rebound["x_contact"])]
+    if rebound["duration"] > 0.0:
+        size = descent.body.size
+        low, high = min(places[0], rebound["x"] - size), max(places[0], rebound["x"] + size)
+        borders = [border for zone in descent.slope.zones for border in zone[:2] if low < border < high]
+        places += [low, *borders]
+    return float(descent.slope.friction_at(np.array(places), descent.law.friction).max())
 
 
 def plot_phase_portraits(descent: Descent) -> Figure:

@@ -40,23 +40,24 @@ def touches_in(body: Body, rows: np.ndarray) -> Touches:
     n_x, n_y = found["normal_x"], found["normal_y"]
     across, height = at["x"] - found["x"], at["y"] - found["y"]
     a, height = n_y * across - n_x * height, n_x * across + n_y * height
-    b = _below(body, at["phi"] - np.arctan2(-n_x, n_y), a)
+    b = _below(body, at["phi"] - np.arctan2(-n_x, n_y), a, height)
     gap_rate = n_x * at["u"] + n_y * at["v"] - a * at["omega"]
     slip_velocity = n_y * at["u"] - n_x * at["v"] + b * at["omega"]
     moment = b * found["tangential"] - a * found["normal"]
     return Touches(found, np.maximum(b - height, 0.0), gap_rate, slip_velocity, moment)
 
 
-def _below(body: Body, phi: np.ndarray, a: np.ndarray) -> np.ndarray:
-    """Return how far below the mass centre [m] the body touches level ground, at the arm a [m]."""
+def _below(body: Body, phi: np.ndarray, a: np.ndarray, height: np.ndarray) -> np.ndarray:
+    """Return how far below the mass centre [m] the body touches level ground at the arm a [m]: about its height."""
     record = body.record[0]
     count = int(record["count"])
     across, along, radius = (record[name][:count, np.newaxis] for name in ("across", "along", "r"))
     cosine, sine = np.cos(phi), np.sin(phi)
     arms = across * cosine + along * sine, radius + across * sine - along * cosine
-    nearest = np.abs(arms[0] - a).argmin(axis=0), np.arange(len(phi))
+    off = np.where(np.abs(arms[0] - a) <= _SAME * body.size, np.abs(arms[1] - height), np.inf)  # others lie above it
+    nearest = off.argmin(axis=0), np.arange(len(phi))
     _, lowest = lowest_arms(body.record, phi)  # where a side lies on a vertex of the ground, no end of it does
-    return np.where(np.abs(arms[0][nearest] - a) <= _SAME * body.size, arms[1][nearest], lowest[:, 1])
+    return np.where(off[nearest] < np.inf, arms[1][nearest], lowest[:, 1])
 
 
 def labels(descent: Descent, forces: np.ndarray) -> np.ndarray:
