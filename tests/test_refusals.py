@@ -12,6 +12,7 @@ import pytest
 
 import sledenv
 from sledenv import ContactLaw, Slope, State
+from sledenv.closed_forms.equilibrium import static_jam_angles
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
@@ -70,6 +71,10 @@ def many(launches: Any, law: Any = LAW, slope: Any = INCLINE) -> Any:
 
 def hit(**given: Any) -> Any:
     return sledenv.rigid_impact(DISC, LAW, LAUNCH, **given)
+
+
+def resting(slope: Any) -> Any:
+    return static_jam_angles(DISC, LAW, slope)
 
 
 def wheel(**given: Any) -> Any:
@@ -176,6 +181,8 @@ def with_options(options: Any) -> Any:
             "hull.circles[0] = 1e+60: must be in [-1e+50",
         ),
         (lambda: sledenv.Settings(max_rebounds=10**400), "Settings.max_rebounds = 1000000"),
+        (lambda: resting(INCLINE._replace(zones=[(1, 2, 0.1, 0, 0)])), "Slope.zones has 1 entries: must be empty"),
+        (lambda: resting(INCLINE._replace(profile=[(1, 0), (2, 1)])), "Slope.profile has 2 entries: must be empty"),
         (lambda: hit(hypothesis=np.zeros(2)), "hypothesis = array([0., 0.]): must be one of 'energetic', 'poisson'"),
         (lambda: wheel(mass="1.0"), "mass = '1.0': must be numbers, each in (0, inf)"),
         (lambda: wheel(inertia=b"1"), "inertia = b'1': must be numbers, each in (0, inf)"),

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import ContactLaw, Mode, Segment, State, circular_segment, rigid_impact, segment
+from sledenv import Body, ContactLaw, Mode, Segment, State, circular_segment, polygon, rigid_impact, segment
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
 from tests.bodies import rod
 from tests.oracles import rational_impact
@@ -149,6 +149,24 @@ def test_bad_options_are_named(options: dict, error: type[Exception], message: s
 def test_plain_tuples_are_checked_like_the_named_ones(changed: tuple, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         rigid_impact(*changed)
+
+
+BLOCK = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)])
+ROUNDED = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)], rounding=0.02)
+
+
+@pytest.mark.parametrize(
+    ("body", "flat"), [(BLOCK, 0.0), (ROUNDED, -0.5 * math.pi), (circular_segment(2.0, 0.5, 1.0), math.pi)], ids=repr
+)
+@pytest.mark.parametrize("omega", [0.0, 1.0, -1.0])
+def test_a_body_that_comes_down_flat_is_refused_and_one_that_is_turned_by_little_is_not(
+    body: Body, flat: float, omega: float
+) -> None:
+    """Oracle: two points are as low as each other; turned by a thousandth one of them is hit."""
+    with pytest.raises(ValueError, match=r"state.phi = .*: the body comes down on two points at once there"):
+        rigid_impact(body, PAPER_LAW, State(0.0, 0.0, flat, 0.0, -1.0, omega))
+    for turn in (-1e-3, 1e-3):
+        assert rigid_impact(body, PAPER_LAW, State(0.0, 0.0, flat + turn, 0.0, -1.0, omega)).phases
 
 
 @pytest.mark.parametrize("body", [(1.0, 0.1, 0.05, 7.5e-3, math.pi), PAPER_LAW, [PAPER_BODY], None], ids=repr)

@@ -19,8 +19,13 @@ def resting(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw
 
 
 def pressed(slope: Slope) -> Slope:
-    """Return a slope onto which gravity presses what lies there."""
+    """Return a plane of one surface onto which gravity presses what lies there."""
     slope = made("slope", Slope, slope)
+    for name in ("zones", "profile"):
+        if given := getattr(slope, name):
+            raise ValueError(
+                f"Slope.{name} has {len(given)} entries: must be empty, the closed form is of a plain slope"
+            )
     if slope.gravity == 0.0:
         raise ValueError("Slope.gravity = 0.0: must be > 0, nothing else holds a body at rest on the slope")
     return slope

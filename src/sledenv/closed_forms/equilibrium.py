@@ -38,7 +38,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
     Raises
     ------
     TypeError, ValueError
-        If ``phi`` is not finite or gravity is 0, where nothing holds the body down.
+        If ``phi`` is not finite or gravity is 0, where nothing holds the body down, or the slope has zones or a profile.
     """
     body, law, slope = resting(body, law, slope)
     a, b, arm = arms_at(body, law, checked_array("static_jam: phi", phi, FINITE))
@@ -67,7 +67,7 @@ def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[f
     Raises
     ------
     TypeError, ValueError
-        If gravity is 0.
+        If gravity is 0, or the slope has zones or a profile.
     """
     body, law, slope = resting(body, law, slope)
     if math.tan(abs(slope.angle)) > law.friction:

@@ -46,7 +46,8 @@ def chord_loads(
     Raises
     ------
     TypeError, ValueError
-        If the body has no such side, or several of that name, ``slip`` is NaN or gravity is 0.
+        If the body has no such side, or several of that name, ``slip`` is NaN, gravity is 0, or the slope has zones or
+        a profile.
     """
     body, law, slope = resting(body, law, slope)
     base = _base_of(body, law, side)
@@ -109,7 +110,7 @@ def chord_rests(body: Body, law: ContactLaw, slope: Slope, side: str = "chord") 
     Raises
     ------
     TypeError, ValueError
-        If the body has no such side, or several of that name, or gravity is 0.
+        If the body has no such side, or several of that name, gravity is 0, or the slope has zones or a profile.
     """
     body, law, slope = resting(body, law, slope)
     base, steepness = _base_of(body, law, side), math.tan(slope.angle)
@@ -139,7 +140,8 @@ def chord_slide(law: ContactLaw, slope: Slope, speed: ArrayLike, time: ArrayLike
     Raises
     ------
     TypeError, ValueError
-        If ``speed`` or ``time`` is not finite or ``time`` is negative, or gravity is 0.
+        If ``speed`` or ``time`` is not finite or ``time`` is negative, gravity is 0, or the slope has zones or a
+        profile.
     """
     law, slope = ContactLaw(*law), pressed(slope)
     start = checked_array("chord_slide: speed", speed, FINITE)
@@ -168,7 +170,7 @@ def chord_finish_time(law: ContactLaw, slope: Slope, speed: float) -> float:
     Raises
     ------
     TypeError, ValueError
-        If ``speed`` is not finite or gravity is 0.
+        If ``speed`` is not finite, gravity is 0, or the slope has zones or a profile.
     """
     law, slope = ContactLaw(*law), pressed(slope)
     start = float(checked_array("chord_finish_time: speed", speed, FINITE))

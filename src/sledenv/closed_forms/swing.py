@@ -62,7 +62,7 @@ def small_swings(body: Body, slope: Slope, *, sticks: bool = True) -> list[Swing
     Raises
     ------
     TypeError, ValueError
-        If gravity is 0.
+        If gravity is 0, or the slope has zones or a profile.
     """
     body, slope = made_body(body), pressed(slope)
     record = body.record[0]

@@ -15,10 +15,11 @@ from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, State
-from sledenv.simulation.support import within_a_turn
+from sledenv.simulation.support import lowest_arms, within_a_turn
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 
+_FLAT = 1e-6  # [rad] by which a body may be turned and still comes down flat
 _CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
 
 
@@ -115,8 +116,8 @@ def rigid_impact(
     body, law
         The stiffness of the law is not used.
     state : State
-        Velocities at touch and the orientation; ``x`` and ``y`` are not used. A feature that does not approach the
-        slope is not hit: the state is returned as it is.
+        Velocities at touch and the orientation, in which one point of the body must be lowest; ``x`` and ``y`` are not
+        used. A feature that does not approach the slope is not hit: the state is returned as it is.
     restitution : float, optional
         e [-] in [0, 1] in place of that of the law.
     hypothesis : {"energetic", "poisson", "newton"}
@@ -131,6 +132,8 @@ def rigid_impact(
     ------
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
+    ValueError
+        If the body comes down flat, on two points at once.
     ArithmeticError
         If the impact does not end within the bound on its phases.
     """
@@ -139,6 +142,7 @@ def rigid_impact(
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hits = np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
+    _check_one_point(body, touching.phi)
     phases_found = np.empty(1, np.int64)
     run_collision(body.record, law, touching, e, _CODES[hypothesis], hits, rows, phases_found)
     count = int(phases_found[0])
@@ -164,3 +168,13 @@ def rigid_impact(
         hit["sliding"],
         hit["rolling"],
     )
+
+
+def _check_one_point(body: Body, phi: float) -> None:
+    """Raise ValueError where the lowest point of a body jumps to another one, as it does where it lies flat."""
+    _, arms = lowest_arms(body.record, np.array([phi - _FLAT, phi + _FLAT]))
+    if np.ptp(arms[:, 0]) > 4.0 * _FLAT * max(body.size, float(body.record["r"].max())):
+        raise ValueError(
+            f"state.phi = {phi!r}: the body comes down on two points at once there, and this is the impact of one; "
+            "simulate(..., solver='rigid') follows both"
+        )
