@@ -38,7 +38,7 @@ def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDA
     Raises
     ------
     TypeError, ValueError
-        If ``phi`` is not finite or gravity is 0, where nothing holds the body down, or the slope has zones or a profile.
+        If ``phi`` is not finite, the slope has zones or a profile, or gravity is 0, where nothing holds the body down.
     """
     body, law, slope = resting(body, law, slope)
     a, b, arm = arms_at(body, law, checked_array("static_jam: phi", phi, FINITE))
