@@ -64,7 +64,7 @@ def falls_interval(falls: NDArray[np.float64]) -> tuple[float, float]:
 
 def best_of(problem: Problem, count: int, scores: list[Score]) -> pd.DataFrame:
     """Search the best launch or ride of the first held-out contexts; where an agent rides better, that counts."""
-    best = best_found(problem, problem.contexts("test", count), progress=True)
+    best = best_found(problem, problem.contexts("test", count), progress=True, workers=None)
     if problem.environment == "descent":
         best["reward"] = np.max([best["reward"], *(score.rewards[:count] for score in scores)], axis=0)
         best["low"], best["high"] = best["reward"], np.maximum(best["reward"], best["high"])

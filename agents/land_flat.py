@@ -29,6 +29,7 @@ class Agent:
     """
 
     def __init__(self, problem: Problem) -> None:
+        problem.must_be("launch", "land_flat")
         self._task = problem.task
         self._landing = Landing(problem)
         self._gravity = problem.scenario.slope_section.gravity_m_s2

@@ -26,6 +26,7 @@ class Agent:
     """
 
     def __init__(self, problem: Problem) -> None:
+        problem.must_be("descent", "land_parallel")
         self._task = problem.task
 
     @classmethod

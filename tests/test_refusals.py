@@ -12,6 +12,9 @@ import pytest
 
 import sledenv
 from sledenv import ContactLaw, Slope, State
+from sledenv.agents import land_flat, land_parallel
+from sledenv.benchmark.oracle import rewards_of
+from sledenv.benchmark.problem import Problem
 from sledenv.closed_forms.equilibrium import static_jam_angles
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
@@ -77,6 +80,11 @@ def resting(slope: Any) -> Any:
     return static_jam_angles(DISC, LAW, slope)
 
 
+def rewarded(scenario: str, width: int) -> Any:
+    problem = Problem(scenario, "descent")
+    return rewards_of(problem, problem.contexts("test", 3), np.zeros((3, width)))
+
+
 def wheel(**given: Any) -> Any:
     good = {"mass": 1.0, "inertia": 0.5, "radius": 1.0, "friction": 0.2, "rolling_arm": 0.01, "restitution": 0.5}
     return sledenv.collide_wheel(**good | {"u": 1.0, "v": -1.0} | given)
@@ -113,14 +121,47 @@ def with_options(options: Any) -> Any:
         (lambda: reset({"angle": 2.0}), "context.angle = 2.0: must be in (-pi/2, pi/2) rad"),
         (lambda: reset({"speed": np.nan}), "context.speed = nan: must be in [-1e+150, 1e+150]"),
         (lambda: reset({"drop": -0.5}), "context.drop = -0.5: must be in [0, 1e+150] m"),
+        (
+            lambda: SledDescent("sled_rollers").reset(options={"context": {"zone_friction": 0.5}}),
+            "context.zone_friction = 0.5: must be 0, the scenario has no zones",
+        ),
+        (lambda: lanes(options={"context": [{}, {"friction": -1}]}), "context[1].friction = -1.0: must be in [0, inf)"),
+        (lambda: reset(np.zeros(11)), "context has shape (11,): must be (12,) or (1, 12), columns angle, friction"),
+        (lambda: make_vec_env(ID, 2, env_kwargs={"info": ("jam",)}), "env_kwargs['info'] = ('jam',): must be left out"),
+        (
+            lambda: make_vec_env(ID, 2, scenario="sled_mat"),
+            "scenario: is an argument of the environment, give",
+        ),
+        (lambda: Problem("sled_mat").contexts("test", -1), "contexts = -1: must be an integer >= 1"),
+        (lambda: rewarded("sled_rollers", 1), "problem.environment = 'descent': must be 'launch' for launches that"),
+        (
+            lambda: Problem("sled_rollers", "descent").descend(np.zeros((1, 12)), [[0]]),
+            "problem.environment = 'descent'",
+        ),
+        (
+            lambda: land_flat.Agent(Problem("sled_rollers", "descent")),
+            "problem.environment = 'descent': must be 'launch'",
+        ),
+        (
+            lambda: land_parallel.Agent(Problem("sled_mat")),
+            "problem.environment = 'launch': must be 'descent'",
+        ),
+        (lambda: sledenv.polygon(1.0, np.zeros((13, 2))), "polygon.points has 13 rows: must have 3 to 12"),
+        (
+            lambda: sledenv.polygon(1.0, [(0, 0), (1, 0), (0, 1)], centre=(2, 2), inertia=1.0),
+            "polygon.centre = (2.0, 2.0): must lie within the outline",
+        ),
         (lambda: made().reset(options="test"), "options = 'test': must be a mapping"),
         (lambda: lanes(seed="3"), "seed = '3': must be an integer >= 0"),
         (lambda: made(info=("jam", "jem")), "info = ('jam', 'jem'): must be a sequence of any of 'context', 'launch'"),
         (lambda: reset({"speed": 1e308}), "context.speed = 1e+308: must be in [-1e+150, 1e+150]"),
         (lambda: reset({"spin": -1e308}), "context.spin = -1e+308: must be in [-1e+150, 1e+150]"),
         (lambda: reset({"drop": 1e308}), "context.drop = 1e+308: must be in [0, 1e+150] m"),
-        (lambda: with_options([{"context": {"speed": 1e308}}, {}, {}]), "context.speed = 1e+308: must be in [-1e+150"),
-        (lambda: lanes(options={"context": {"fall": [0.0, 1e308]}}), "context.fall = 1e+308: must be in [-1e+150"),
+        (
+            lambda: with_options([{"context": {"speed": 1e308}}, {}, {}]),
+            "context[0].speed = 1e+308: must be in [-1e+",
+        ),
+        (lambda: lanes(options={"context": {"fall": [0.0, 1e308]}}), "context[1].fall = 1e+308: must be in [-1e+150"),
         (lambda: made().reset(seed=True), "seed = True: must be an integer >= 0"),
         (lambda: made().reset(seed=-1), "seed = -1: must be an integer >= 0"),
         (lambda: lanes(seed=-1), "seed = -1: must be an integer >= 0"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+from gymnasium.error import InvalidAction
 from scipy.special import ndtri
 
 from sledenv.benchmark.oracle import (
@@ -25,6 +26,21 @@ from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.own_scenarios import own_scenario
 
 SEEN = [name for name in Context.seen if name not in ("friction", "restitution")]
+
+
+@pytest.mark.parametrize(
+    ("launches", "message"),
+    [
+        (np.full((3, 1), -5.0), r"actions\[0\] = \[-5.0\]: must be within \[-1.0, 1.0\]"),
+        (np.zeros((3, 2)), r"actions have shape \(3, 2\): must be \(3, 1\), columns spin"),
+        (np.zeros((2, 1)), r"actions have shape \(2, 1\): must be \(3, 1\), columns spin"),
+        (np.full((3, 1), np.nan), r"actions\[0\] = \[nan\]"),
+    ],
+)
+def test_launches_that_are_none_earn_nothing(launches, message):
+    problem = Problem("sled_mat")
+    with pytest.raises(InvalidAction, match=message):
+        rewards_of(problem, problem.contexts("test", 3), launches)
 
 
 @pytest.fixture(scope="module")

@@ -212,8 +212,8 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
     ("action", "message"),
     [
         (np.zeros((2, 2)), r"actions have shape \(2, 2\): must be \(3, 2\)"),
-        (np.zeros((3, 1)), r"actions has shape \(3, 1\): must be \(N, 2\), columns orientation, spin"),
-        (np.zeros(3), r"actions has shape \(3,\): must be \(N, 2\)"),
+        (np.zeros((3, 1)), r"actions have shape \(3, 1\): must be \(3, 2\), columns orientation, spin"),
+        (np.zeros(3), r"actions have shape \(3,\): must be \(3, 2\)"),
         ([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]], r"actions\[1\] = \[0.0, nan\]: must be within \[-1.0, 1.0\]"),
         ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
         ([[0.0, 0.0], [0.0], [0.0, 0.0]], r"actions = \[\[0.0, 0.0\], .*: must be numbers, columns orientation, spin"),

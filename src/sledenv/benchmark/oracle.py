@@ -11,7 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import gaussian_filter1d
@@ -20,8 +20,9 @@ from tqdm import tqdm
 
 from sledenv.benchmark.best_rides import SEARCH, best_rides, follow_plans
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import FIELDS, Contexts
+from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.machine.sealed import read_sealed, write_sealed
+from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.scenario import NOISY, Context
 from sledenv.scenarios.sections import CONTROLS
 
@@ -42,7 +43,7 @@ FINALISTS: Final = 2  # of each search
 JUDGED: Final = (8, 256)  # samples of draws that judge the best launch, independent of each other and of the search
 SEARCHES: Final = 2
 NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
-BLOCK: Final = 10  # contexts that are searched at a time, so that a stop loses no more
+BLOCK: Final = 10  # contexts that are searched at a time, so that a stop loses no more and cores share them
 _SAME: Final = 1e-9  # rewards that differ by less come from the same physics
 
 
@@ -122,7 +123,13 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     noise and refine the best of them. The best of what both find is judged anew by 8 samples of 256 draws, so that
     it owes nothing to luck: their mean, 2.4 of its standard errors (95 %, 7 degrees of freedom) and a loss that 2,048
     draws may have missed make the interval. Above, it is wider by how far the searches are apart.
+
+    Raises
+    ------
+    ValueError
+        If the problem is one of rides: :func:`best_found` searches those.
     """
+    problem.must_be("launch", "the best launches; best_found searches rides")
     table = pd.DataFrame(contexts, columns=list(Context._fields))
     launches, low, high = _searched(problem, contexts, imagined=False)
     maps = jam_map(problem.seeing_all(), contexts, SHOWN)
@@ -139,22 +146,29 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     return table
 
 
-def best_found(problem: Problem, contexts: Contexts, *, progress: bool = False) -> pd.DataFrame:
+def best_found(
+    problem: Problem, contexts: Contexts, *, progress: bool = False, workers: int | None = 1
+) -> pd.DataFrame:
     """Search the best of each context of an array of shape (n, 12): :func:`best_launches`, or of rides the best one.
 
     Of rides the table has the columns of :func:`sledenv.benchmark.best_rides.best_rides` behind the fields of the
     context, for the draw with which agents are judged: row i has the i-th draw of the launch noise, so that
     ``contexts[5:]`` have other draws than with the first five. With ``progress`` a bar on standard error shows how far
-    it is.
+    it is. ``workers`` are processes, None as many as there are cores; the table does not depend on them.
     """
     trials = problem.trials(contexts, "test")
     parts = [trials[start : start + BLOCK] for start in range(0, len(trials), BLOCK)]
-    tables = []
+    calls: list[Call] = [(_best_part, (problem, part, number)) for number, part in enumerate(parts)]
+    tables: dict[int, pd.DataFrame] = {}
     with tqdm(total=len(trials), desc="searching the best", unit=" contexts", disable=not progress) as bar:
-        for part in parts:
-            tables.append(_best(problem, part))
-            bar.update(len(part))
-    return pd.concat(tables, ignore_index=True)
+        for number, table in runner(workers)(calls) if workers != 1 else (call(*given) for call, given in calls):
+            tables[number] = table
+            bar.update(len(table))
+    return pd.concat([tables[number] for number in range(len(parts))], ignore_index=True)
+
+
+def _best_part(problem: Problem, trials: Contexts, number: int) -> tuple[int, pd.DataFrame]:
+    return number, _best(problem, trials)
 
 
 def oracle(problem: Problem, contexts: Contexts, folder: Path) -> pd.DataFrame:
@@ -244,9 +258,19 @@ def actions_of(problem: Problem, table: pd.DataFrame) -> Floats:
     return np.asarray(table[_columns(problem, "action")], np.float64)
 
 
-def rewards_of(problem: Problem, contexts: Contexts, launches: Floats) -> Floats:
-    """Return what launches of shape (n, k) earn in contexts in the mean of the draws that judge agents, shape (n,)."""
-    earned: Floats = problem.expect(problem.trials(contexts, "test"), launches[:, np.newaxis])[:, 0]
+def rewards_of(problem: Problem, contexts: Contexts, launches: ArrayLike) -> Floats:
+    """Return what launches of shape (n, k) earn in contexts in the mean of the draws that judge agents, shape (n,).
+
+    Raises
+    ------
+    ValueError
+        If the problem is one of rides, which :meth:`sledenv.benchmark.problem.Problem.judge` follows.
+    gymnasium.error.InvalidAction
+        If launches have another shape, are no numbers or lie outside [-1, 1].
+    """
+    problem.must_be("launch", "launches that are chosen; Problem.judge follows rides")
+    chosen = checked_actions(problem.action_space, problem.task.action_names, launches, len(contexts))
+    earned: Floats = problem.expect(problem.trials(contexts, "test"), chosen[:, np.newaxis])[:, 0]
     return earned
 
 

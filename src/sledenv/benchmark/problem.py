@@ -23,6 +23,7 @@ from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
+from sledenv.simulation.rules import checked_count
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
@@ -152,8 +153,15 @@ class Problem:
         noise = tuple(self.noise.tolist())
         return Problem(self.scenario, self.environment, self.control, solver=self.task.solver, launch_noise=noise)
 
+    def must_be(self, environment: Environment, what: str) -> None:
+        """Raise ValueError, saying what is only of one environment, in the other one."""
+        if self.environment != environment:
+            raise ValueError(f"problem.environment = {self.environment!r}: must be {environment!r} for {what}")
+
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
+        if count:
+            checked_count("contexts", count)
         check_room(count * TRIALS * _A_TRIAL, f"contexts = {count}: they and their trials", "take fewer")
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
@@ -224,7 +232,8 @@ class Problem:
         return np.stack(columns, axis=-1)
 
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
-        """Simulate one descent a context with launches of shape (n, k), on all cores."""
+        """Simulate one descent a context with launches of shape (n, k), on all cores; of rides see :meth:`judge`."""
+        self.must_be("launch", "launches that are chosen; judge follows rides")
         chosen = checked_actions(self.task.action_space, self.task.action_names, actions, len(contexts))
         return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
 

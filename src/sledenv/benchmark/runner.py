@@ -75,8 +75,9 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
         missing = [job for job in jobs if _found(suite, job, folder) is None]
         starts = range(0, suite.contexts, BLOCK)
-        calls: list[Call] = [(_search, (suite, *one, folder, start)) for one in suite.questions() for start in starts]
-        calls += [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
+        # The mistakes of an agent are found before long searches.
+        calls: list[Call] = [(_train_and_judge, (suite, job, folder, stamp)) for job in missing]
+        calls += [(_search, (suite, *one, folder, start)) for one in suite.questions() for start in starts]
         done = len(jobs) - len(missing)
         with tqdm(total=len(calls) + done, initial=done, desc=suite.id, unit="job", smoothing=0.0) as bar:
             for name in run(calls):

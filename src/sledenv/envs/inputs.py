@@ -65,11 +65,9 @@ def checked_actions(
     """
     shape = space.shape if lanes is None else (lanes, *space.shape)
     try:
-        given: NDArray[np.float64] = checked_table("actions", actions, names)
+        given = _table("actions", actions, names, [shape], "have")
     except (TypeError, ValueError) as error:
         raise InvalidAction(str(error)) from error
-    if np.shape(actions) != shape:
-        raise InvalidAction(f"actions have shape {np.shape(actions)}: must be {shape}")
     within: NDArray[np.float64] = np.minimum(np.maximum(given, space.low), space.high)
     fine = np.abs(within - given) <= _SLACK  # NaN is not
     if not fine[acting].all():
@@ -81,30 +79,46 @@ def checked_actions(
     return within
 
 
-def _fixed(context: Any, lanes: int) -> NDArray[np.float64]:
+def _table(
+    name: str, given: Any, fields: Sequence[str], shapes: Sequence[tuple[int, ...]], verb: str = "has"
+) -> NDArray[np.float64]:
+    """Return the numbers of a table that must have one of some shapes."""
+
+    def check_shape(shape: tuple[int, ...]) -> None:
+        if shape not in shapes:
+            allowed = " or ".join(map(str, shapes))
+            raise ValueError(f"{name} {verb} shape {shape}: must be {allowed}, columns {', '.join(fields)}")
+
+    if isinstance(given, np.ndarray) and given.ndim:  # of what else is wrong, such as names, it is told first
+        check_shape(given.shape)
+    table = checked_table(name, given, fields)
+    check_shape(np.asarray(given).shape)
+    return table
+
+
+def _fixed(context: Any, lanes: int, called: str = "context") -> NDArray[np.float64]:
     """Fields of contexts that a user fixes, shape (lanes, 12), NaN where one is to be drawn."""
     if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
         if len(context) != lanes:
             raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
-        return np.concatenate([_fixed(one, 1) for one in context])
+        return np.concatenate([_fixed(one, 1, f"context[{lane}]") for lane, one in enumerate(context)])
     fixed = np.full((lanes, FIELDS), np.nan)
     if isinstance(context, Mapping):
         for name, value in context.items():
             if name not in Context._fields:
                 raise ValueError(f"unknown field {name!r} of context: must be one of {', '.join(Context._fields)}")
             i = Context._fields.index(name)
-            column = numbers_of(f"context.{name}", value, "a number, or an array of them")
+            column = numbers_of(f"{called}.{name}", value, "a number, or an array of them")
             if column.shape not in ((), (lanes,)):
-                raise ValueError(f"context.{name} has shape {column.shape}: must be () or ({lanes},)")
-            for number in column.reshape(-1).tolist():
-                checked("context", name, number, Context.rules[i])
+                raise ValueError(f"{called}.{name} has shape {column.shape}: must be () or ({lanes},)")
+            for lane, number in enumerate(column.reshape(-1).tolist()):
+                checked(f"{called}[{lane}]" if column.ndim else called, name, number, Context.rules[i])
             fixed[:, i] = column
     elif context is not None:
-        rows = checked_table("context", context, Context._fields)
-        shape, given = (lanes, FIELDS), np.asarray(context).shape
-        if given not in (shape, shape[1:]):
-            raise ValueError(f"context has shape {given}: must be {shape[1:]} or {shape}")
-        checked_rows("context" if len(given) == 1 else "context[{lane}]", Context, rows)
+        shape = lanes, FIELDS
+        rows = _table(called, context, Context._fields, (shape[1:], shape))
+        alone = np.ndim(context) == 1
+        checked_rows(called if alone else f"{called}[{{lane}}]", Context, rows)
         fixed[:] = rows
     return fixed
 

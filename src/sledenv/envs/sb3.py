@@ -14,6 +14,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from sledenv.envs.info import checked_info
+from sledenv.envs.task import TaskOptions
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.envs.viewer import METADATA, Viewer
 from sledenv.machine.extras import needs
@@ -22,6 +23,14 @@ from sledenv.simulation.rules import checked_mapping, checked_seed
 with needs("agents", __name__):
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+
+_OF_ENVIRONMENTS = {"scenario", "control", "render_mode", "max_episode_steps", *TaskOptions.__annotations__}
+_OWN = {  # what environments take and make_vec_env decides
+    "info": "info is an argument of make_vec_env",
+    "autoreset_mode": "lanes are reset in the step with which they end, as stable-baselines3 expects",
+    "num_envs": "n_envs is an argument of make_vec_env",
+}
 
 
 def make_vec_env(
@@ -61,13 +70,17 @@ def make_vec_env(
         For what is no id, and for the other arguments of stable-baselines3: those of wrappers, monitors and workers,
         which the lanes of a batch do not have.
     """
-    if others:
-        name = next(iter(others))
+    for name in others:
+        if name in _OF_ENVIRONMENTS:
+            raise TypeError(f"{name}: is an argument of the environment, give it in env_kwargs={{{name!r}: ...}}")
         hint = "VecMonitor(..., filename) monitors it; stable_baselines3's make_vec_env makes lanes with wrappers"
         raise TypeError(f"{name}: is no argument of a native batch, whose lanes have no wrappers of their own; {hint}")
     if not isinstance(env_id, str):
         raise TypeError(f"env_id = {env_id!r}: must be an id such as 'sledenv/SledLaunch-v0'")
-    given = checked_info(info)
+    given, kwargs = checked_info(info), checked_mapping("env_kwargs", env_kwargs)
+    for name, why in _OWN.items():
+        if name in kwargs:
+            raise TypeError(f"env_kwargs[{name!r}] = {kwargs[name]!r}: must be left out, {why}")
     if seed is not None:
         seed = checked_seed(seed)
     env = gym.make_vec(
@@ -76,7 +89,7 @@ def make_vec_env(
         vectorization_mode="vector_entry_point",
         autoreset_mode=AutoresetMode.SAME_STEP.value,
         info=given,
-        **checked_mapping("env_kwargs", env_kwargs),
+        **kwargs,
     )
     adapter = SledVecEnv(env)
     adapter.seed(seed)

@@ -437,11 +437,15 @@ class Scenario(Document):
         Raises
         ------
         ValueError
-            If it has no such body, or if its zone cannot begin there, naming the field, its value and what is allowed.
+            If it has no such body or no zone, or if its zone cannot begin there, naming the field, its value and what
+            is allowed.
         """
         self.shapes(np.nan_to_num(contexts))
         drawn = self._drawn_zone
         if drawn is None:
+            for name, column in zip(Context._fields[_ZONE:], contexts.T[_ZONE : _ZONE + 2], strict=False):
+                for value in column[~np.isnan(column) & (column != 0.0)].tolist():
+                    raise ValueError(f"context.{name} = {value!r}: must be 0, the scenario has no zones")
             return
         begins, ends = contexts[:, _ZONE], [math.inf if one.end_m is None else one.end_m for one in self.zones]
         low, high = ends[drawn - 1] if drawn else -math.inf, min(ends[drawn], self.slope_section.length_m)

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sledenv.kernel.outline import MOST_ARCS
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outlines import (
     Arc,
     Floats,
     hull_of_circles,
     mass_properties,
+    outline_of,
     polygon_of,
     segment_moments,
     shifted,
@@ -194,6 +196,8 @@ def polygon(
     """
     mass = checked("polygon", "mass", mass, MEASURE)
     corners = _table("polygon", "points", points, 2)
+    if not 3 <= len(corners) <= MOST_ARCS:
+        raise ValueError(f"polygon.points has {len(corners)} rows: must have 3 to {MOST_ARCS}")
     rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
     parts = _names("polygon", "parts", parts, "corner", corners)
     sides = _names("polygon", "sides", sides, "side", corners)
@@ -204,6 +208,8 @@ def polygon(
     if centre is not None:
         ((x, y),) = _table("polygon", "centre", [centre], 2).tolist()
         middle = x, y
+        if outline_of(shifted(arcs, -x, -y)).lowest < 0.0:
+            raise ValueError(f"polygon.centre = {middle!r}: must lie within the outline")
     if inertia is None:
         inertia = mass * uniform
     return Body(mass, checked("polygon", "inertia", inertia, INERTIA), shifted(arcs, -middle[0], -middle[1]))
