@@ -53,7 +53,7 @@ def launches(lanes: int, seed: int = 0) -> Floats:
 
 
 def contexts(scenario: str, lanes: int, seed: int = 0, **bounds: tuple[float, float]) -> Floats:
-    """Random contexts of a scenario, shape (lanes, 11); some fields within other bounds than its own."""
+    """Random contexts of a scenario, shape (lanes, 12); some fields within other bounds than its own."""
     rng = np.random.default_rng(seed)
     names = sledenv.Context._fields
     found = sledenv.load_scenario(scenario).contexts(rng.random((lanes, len(names))))

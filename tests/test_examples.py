@@ -85,7 +85,9 @@ def test_the_five_lines_of_the_first_page_judge_an_agent(capsys, monkeypatch):
     assert "20)" in benchmark
     names = run([benchmark.replace("20)", "1)")])
     problem = names["problem"]
-    earned = problem.expect(problem.trials(names["contexts"], "test"), names["actions"][:, np.newaxis])
+    earned = problem.expect(
+        problem.trials(names["contexts"], "test"), np.asarray(names["actions"], float)[:, np.newaxis]
+    )
     assert np.array_equal(names["reward"], earned[:, 0])
     assert float(capsys.readouterr().out.split()[1]) == 1.0 - earned[0, 0]
     assert 0.0 <= run([steps])["reward"] <= 1.0

@@ -140,7 +140,7 @@ def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
     assert len(streams) == len(set(streams)) == 3 * 256
 
 
-def test_a_policy_trains_on_the_landings_that_it_acts_by(tmp_path):
+def test_a_policy_trains_on_the_landings_that_it_acts_by():
     """Oracle: the agent itself, whose launches an environment earns what the wrapped one earns for its landings."""
     problem = Problem(BRAKE_MAT)
     launches, landings = (make_vec_env(problem.id, 16, 3, env_kwargs={"scenario": BRAKE_MAT}) for _ in range(2))

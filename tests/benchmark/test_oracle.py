@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from gymnasium.error import InvalidAction
+from scipy.interpolate import RegularGridInterpolator
 from scipy.special import ndtri
 
 from sledenv.benchmark.oracle import (
@@ -13,7 +14,6 @@ from sledenv.benchmark.oracle import (
     _maxima,
     actions_of,
     best_launches,
-    expected_at,
     jam_map,
     map_table,
     oracle,
@@ -67,6 +67,16 @@ def test_the_reward_of_a_best_launch_is_what_it_earns_and_no_other_is_above_the_
     assert (table["uniform"] < table["low"]).all()
     assert (table["low"] < table["high"]).all()
     assert (table["high"] - table["low"]).median() < 0.01
+
+
+def expected_at(problem, one, launches):
+    """Expected rewards of launches of shape (m, k) between the cells of a map."""
+    axes, rewards = list(one.launches), one.rewards
+    for i, turning in enumerate(problem.turns):
+        if turning:  # the upper bound is the lower one
+            axes[i] = np.append(axes[i], 1.0)
+            rewards = np.concatenate([rewards, np.take(rewards, [0], axis=i)], axis=i)
+    return RegularGridInterpolator(axes, rewards)(launches)
 
 
 def test_a_map_is_the_expected_reward(found):

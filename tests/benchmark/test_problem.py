@@ -116,7 +116,7 @@ def test_a_launch_is_chosen_once_and_judged_in_all_trials(noisy):
         assert np.array_equal(alone.jam.reward, batch.jam.reward.reshape(3, 4)[:, i])
 
 
-def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest(noisy):
+def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest():
     """Oracle: uniform and normal moments; a problem that sees all has the same scenes but for the hidden fields."""
     seen = [name for name in Context._fields[:11] if name not in ("friction", "restitution")]
     problem = Problem("sled_snow", observe=seen)

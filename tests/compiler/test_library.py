@@ -12,7 +12,7 @@ from unittest.mock import Mock
 
 import pytest
 
-from sledenv.compiler import library, targets
+from sledenv.compiler import build, library, targets
 from sledenv.compiler.targets import OTHER, machine
 
 pytestmark = pytest.mark.jit_only
@@ -36,6 +36,14 @@ def test_a_shipped_object_is_used_as_it_is(tiny: Any) -> None:
     tiny.shipped.write_bytes(tiny.made)
     assert tiny.load().LIBRARY.ready() == f"{tiny.shipped}, made when the package was built"
     assert not tiny.cache.exists()
+
+
+def test_an_object_must_not_call_what_nobody_gives_it(tiny: Any) -> None:
+    """Oracle: the names as ELF and Mach-O have them."""
+    build.check_calls(tiny.made)
+    for name in ("memset", "_memcpy"):
+        with pytest.raises(RuntimeError, match=f"an object calls {name.removeprefix('_')}: part the loop"):
+            build.check_calls(tiny.made + f"\0{name}\0".encode())
 
 
 DAMAGE: dict[str, tuple[Any, str]] = {

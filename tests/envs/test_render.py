@@ -244,7 +244,7 @@ def test_cones_stand_on_the_piece_that_they_belong_to(name: str) -> None:
     assert len(turned) > 1
 
 
-def test_the_grip_is_that_of_the_zone(renderer: DescentRenderer) -> None:
+def test_the_grip_is_that_of_the_zone() -> None:
     """Oracle: a body that slips uses all of the friction."""
     zoned = Slope(0.15, 10.0, zones=(Zone(0.0, math.inf, 0.02, 0.0),))
     descent = run(DISC, ICE, zoned, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))

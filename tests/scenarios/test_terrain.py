@@ -149,7 +149,7 @@ def test_what_is_wrong_with_a_file_is_told_by_its_line(ground: Any, text: str, m
     assert refusal(ground, text, slope__angle_deg=45).startswith(message)
 
 
-def test_a_file_in_another_encoding_is_told(ground: Any, tmp_path: Path) -> None:
+def test_a_file_in_another_encoding_is_told(tmp_path: Path) -> None:
     """As spreadsheets write "Unicode text"."""
     file = tmp_path / "ground.csv"
     file.write_text("x_m,y_m\n0,0\n1,0\n", encoding="utf-16")
@@ -168,7 +168,7 @@ def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(gro
     assert ground(text, slope__angle_deg=60, slope__length_m=DELETE).slope_section.angle_deg == (60, 60)
 
 
-def test_a_file_that_is_not_there_or_stands_beside_other_ground_is_told(ground: Any, tmp_path: Path) -> None:
+def test_a_file_that_is_not_there_or_stands_beside_other_ground_is_told(ground: Any) -> None:
     content = changed(slope__profile_file="nothing.csv")
     with pytest.raises(ScenarioError, match=r"slope\.profile_file = 'nothing\.csv': .*No such file"):
         Scenario.model_validate(content)

@@ -306,12 +306,8 @@ def _agents(table: pd.DataFrame) -> Iterator[str]:
     yield from names.loc[rank(names).sort_values().index]
 
 
-def _lines(table: pd.DataFrame, markers: bool = False) -> list[Any]:
-    handles = []
-    for agent in _agents(table):
-        colour, marker = look(agent, table)
-        handles.append(Line2D([], [], color=colour, marker=marker if markers else "", ms=5.0, label=label(agent)))
-    return handles
+def _lines(table: pd.DataFrame) -> list[Any]:
+    return [Line2D([], [], color=look(agent, table)[0], label=label(agent)) for agent in _agents(table)]
 
 
 def _marks(table: pd.DataFrame, every: pd.DataFrame) -> list[Any]:

@@ -179,7 +179,7 @@ def load_choosers(problem: Problem, runs: Sequence[Path]) -> list[Chooser]:
 
 
 def chosen(problem: Problem, context: Contexts, choosers: Sequence[Chooser]) -> pd.DataFrame:
-    """Return what agents choose in a context, shape (1, 11).
+    """Return what agents choose in a context, shape (1, 12).
 
     Returns
     -------

@@ -13,7 +13,6 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
-from scipy.interpolate import RegularGridInterpolator
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
 from tqdm import tqdm
@@ -93,16 +92,6 @@ def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: in
     inside = tuple(slice(axis.beyond, len(axis.values) - axis.beyond) for axis in axes)
     launches = tuple(axis.values[part] for axis, part in zip(axes, inside, strict=True))
     return [JamMap(launches, one[inside]) for one in rewards]
-
-
-def expected_at(problem: Problem, one: JamMap, launches: Floats) -> Floats:
-    """Return the expected rewards of launches of shape (m, k) between the cells of a map, shape (m,)."""
-    axes, rewards = list(one.launches), one.rewards
-    for i, turning in enumerate(problem.turns):
-        if turning:  # the upper bound is the lower one
-            axes[i] = np.append(axes[i], 1.0)
-            rewards = np.concatenate([rewards, np.take(rewards, [0], axis=i)], axis=i)
-    return np.asarray(RegularGridInterpolator(axes, rewards)(launches))
 
 
 def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:

@@ -6,6 +6,7 @@ import gc
 import hashlib
 import json
 import os
+import re
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -114,7 +115,17 @@ def _emitted(module: Any, target: Target) -> bytes:
                 function.add_function_attribute("optsize")
     builder = llvm.create_pass_builder(machine, tuning)
     builder.getModulePassManager().run(module, builder)
-    return bytes(machine.emit_object(module))
+    content = bytes(machine.emit_object(module))
+    check_calls(content)
+    return content
+
+
+def check_calls(content: bytes) -> None:
+    """Raise RuntimeError if an object calls what LLVM puts in place of long loops: no library gives it."""
+    called = re.search(rb"\0_?(memset|memcpy|memmove)\0", content)
+    if called:
+        name = called[1].decode()
+        raise RuntimeError(f"an object calls {name}: part the loop that LLVM has replaced by it into shorter ones")
 
 
 def _in_c(entry: Entry) -> tuple[Callable[..., None], Any]:

@@ -209,7 +209,6 @@ def grid_of(parameters: Sequence[Parameter], fixed: Mapping[str, float], few: bo
 
 def likely_laws(
     body: Body,
-    slope: Slope,
     tracks: Sequence[Sequence[Flight]],
     parameters: Sequence[Parameter],
     fixed: Mapping[str, float],

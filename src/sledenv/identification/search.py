@@ -103,7 +103,7 @@ def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[
     return [Parameter(name + suffix, unit, least, most, scale) for (name, unit), least, most, scale in rows]
 
 
-def known_of(fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]], solver: Solver) -> dict[str, float]:
+def known_of(fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> dict[str, float]:
     """Values of the parameters that are not fitted, by the names of the fit."""
     for name in fixed:
         if name not in (*LAW, "stiffness"):
@@ -219,11 +219,7 @@ class Search:
         held = {name: value for name, value in self.fixed.items() if name in LAW}
         if any(len(track) > 1 for track in self.flights):
             first = [track[:2] for track in self.flights]  # later ones may not be flights
-            laws = [
-                one
-                for tracks in (first, self.flights)
-                for one in likely_laws(model.body, model.slope, tracks, law, held)
-            ]
+            laws = [one for tracks in (first, self.flights) for one in likely_laws(model.body, tracks, law, held)]
         else:
             laws = [
                 dict(zip(LAW, values, strict=True)) for values in grid_of(law, held, few=True).reshape(-1, len(LAW))

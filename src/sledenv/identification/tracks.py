@@ -107,7 +107,7 @@ def identify_tracks(
         names = zip(Noise._fields, checked_pair("noise", noise), strict=True)
         known = Noise(*(checked("noise", name, value, POSITIVE) for name, value in names))
     limits = checked_bounds(bounds)
-    held = known_of(checked_mapping("fixed", fixed), limits, solver)
+    held = known_of(checked_mapping("fixed", fixed), limits)
     recordings = recordings_of(table, body.size, known)
     check_frame(body, slope, recordings)
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, limits), loss)

@@ -6,12 +6,12 @@ from typing import Any
 
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent, ground_name
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.words import mode_name, part_name
 
 
-def plain_setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, Any]:
+def plain_setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> dict[str, Any]:
     """Return the body, the law with its restitution, the slope and the launch, in SI units."""
     contact = {**law._asdict(), "restitution": law.restitution}
     return {"body": _plain_body(body), "law": contact, "slope": plain_slope(slope), "launch": launch._asdict()}

@@ -37,7 +37,7 @@ from sledenv.simulation.records import (
     TRAJECTORY,
     params,
 )
-from sledenv.simulation.scene import AnyLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT, Settings
 
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
@@ -110,7 +110,9 @@ def jsonable(value: Any) -> Any:
             return value
 
 
-def descent_input(body: Body, law: AnyLaw, slope: Slope, launch: State, settings: Settings = DEFAULT) -> dict[str, Any]:
+def descent_input(
+    body: Body, law: ContactLaw, slope: Slope, launch: State, settings: Settings = DEFAULT
+) -> dict[str, Any]:
     """Return what ``Kernel.descend`` of ``templates/kernel.js`` takes, as JSON can hold it; numbers keep all digits.
 
     Parameters

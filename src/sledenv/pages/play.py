@@ -20,7 +20,7 @@ from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenari
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, AnyLaw, Slope, State, Tracks
+from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, ContactLaw, Slope, State, Tracks
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.simulate import simulate
@@ -165,7 +165,7 @@ def simulating_page(content: dict[str, Any], picture: Still, **named: Any) -> st
 
 
 def page_content(
-    contexts: list[dict[str, Any]], own: list[NamedBody], law: AnyLaw, slope: Slope, settings: Settings
+    contexts: list[dict[str, Any]], own: list[NamedBody], law: ContactLaw, slope: Slope, settings: Settings
 ) -> dict[str, Any]:
     """Return what a page that simulates holds.
 
@@ -205,7 +205,13 @@ def exact_text(content: dict[str, Any]) -> str:
 
 
 def told_setting(
-    name: str, body: int, values: dict[str, float], law: AnyLaw, slope: Slope, launch: State, marks: Sequence[Mark] = ()
+    name: str,
+    body: int,
+    values: dict[str, float],
+    law: ContactLaw,
+    slope: Slope,
+    launch: State,
+    marks: Sequence[Mark] = (),
 ) -> dict[str, Any]:
     """Return what the page must know of what it can be set to, all digits of its numbers.
 
@@ -270,7 +276,7 @@ def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
     return told_setting(name, int(context.shape), values, law, slope, launch, marks)
 
 
-def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[str, float]:
+def given_values(body: Body, law: ContactLaw, slope: Slope, launch: State) -> dict[str, float]:
     """Return what the sliders show of a descent, in SI units."""
     place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.profile])
     (lowest,) = resting_heights(body.record, *place, tracks).tolist()
@@ -286,7 +292,7 @@ def given_values(body: Body, law: AnyLaw, slope: Slope, launch: State) -> dict[s
     }
 
 
-def _ground_values(law: AnyLaw, slope: Slope) -> dict[str, float]:
+def _ground_values(law: ContactLaw, slope: Slope) -> dict[str, float]:
     """Return what the sliders show but for launch and body, in SI units; a ground of its own has no height of bumps."""
     return {
         "angle": slope.angle,
@@ -312,7 +318,7 @@ def _own_bodies(scenario: Scenario) -> list[NamedBody]:
     return found
 
 
-def _body(law: AnyLaw, slope: Slope, settings: Settings, named: NamedBody) -> dict[str, Any]:
+def _body(law: ContactLaw, slope: Slope, settings: Settings, named: NamedBody) -> dict[str, Any]:
     """What the page must know of a body, all digits of its numbers, and how its descents end."""
     name, python, body = named
     ending = [name for name in settings.end_parts if name in body.parts]

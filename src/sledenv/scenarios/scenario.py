@@ -116,7 +116,6 @@ class Context(_ContextFields):
     )
 
 
-_LATER_KEYS: Final = "run_out_m", "profile_m", "profile_file", "tolerance_m", "bumps"  # of a slope
 _ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", "shape", "track"))
 
 

@@ -316,9 +316,6 @@ class ContactLaw(Checked, params.ContactLaw):
         return cls(stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm)
 
 
-AnyLaw = ContactLaw
-
-
 class Zone(Checked, params.Zone):
     """A part of a slope with a surface of its own: docs/physics.md, section 11.
 

@@ -11,7 +11,7 @@ from sledenv.machine.text_tables import aligned
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import AnyLaw, Slope, State, Tracks, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, State, Tracks, Zone
 from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.support import resting_heights, within_a_turn
 
@@ -46,7 +46,7 @@ def quantity(value: float, unit: str) -> str:
     return f"{value:z.3g} {unit}"
 
 
-def setting(body: Body, law: AnyLaw, slope: Slope, launch: State) -> str:
+def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
     place, phi = np.array([launch.x]), within_a_turn(np.array([launch.phi]))
     clearance = launch.y - float(resting_heights(body.record, place, phi, Tracks.of((slope.profile,)))[0])

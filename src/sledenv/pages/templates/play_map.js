@@ -59,6 +59,7 @@ async function askRewards(one, cells) {
     const found = await crew.ask({ task: "rewards", scene: one.scene, launches }, cells.length > 1 ? 5 : 1);
     cells.forEach((k, i) => (one.rewards[k] = found[i]));
   } catch {
+    if (one !== map) return; // nobody waits for these any more
     if (cells.length > 1) for (const k of cells) askRewards(one, [k]);
     else one.given.add(cells[0]);
   }
