@@ -149,6 +149,28 @@ def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body, seed: int)
     assert other_zero(read_rebounds(by_phi(body, seed, 0.04), body)) is None
 
 
+@pytest.mark.parametrize("launches", [2, 3, 4])
+def test_no_other_zero_is_named_of_exact_rebounds_that_stop_to_turn(launches: int) -> None:
+    """Oracle: rolling resistance alone, of impacts in which the spin turns, is not explained by a balance of spins."""
+    body = sledenv.disc(2.0, 0.1, 0.02, 0.009)
+    law = ContactLaw.from_restitution(0.5, stiffness=5e6, friction=0.25, rolling_arm=0.001)
+    begun = [(0.3, 2.0), (1.0, -3.0), (2.0, 1.0), (4.0, -2.0)][:launches]
+    table = sledenv.recorded_rebounds(
+        [
+            sledenv.simulate(
+                body,
+                law,
+                sledenv.Slope(0.1),
+                sledenv.State(0.0, 0.6, phi, 1.5, 0.0, omega),
+                solver="rigid",
+                max_time=1.5,
+            )
+            for phi, omega in begun
+        ]
+    )
+    assert not [text for text in doubts(read_rebounds(table[table["duration_s"] == 0.0], body)) if "zero" in text]
+
+
 def test_lengths_of_a_body_in_mm_are_named() -> None:
     table = by_phi(ECCENTRIC)
     for inertia, words in ((1e6, "all lengths of the body were in mm"), (1.0, "the outline of the body were in mm")):

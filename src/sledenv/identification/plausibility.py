@@ -24,6 +24,7 @@ _MOST = 0.9  # share of rebounds that must close, open and lose energy; some may
 _FEW = 5  # rebounds, below which neither the work of friction nor a zero of orientations is judged
 _DEGREE, _MILLI = math.pi / 180.0, 1e-3
 _UNEXPLAINED = 0.5  # of the squares of changes of spin: what a remedy may leave at most
+_BALANCED = 0.01  # of these squares: rolling resistance leaves so much, with the right zero, where spins turn
 _ALIKE, _NOTHING = 2.0, 1e-6  # remedies that leave up to so many times the least, or next to nothing, are as good
 # How far what is left must fall with another zero of orientations: to half, and in terms of F (Fisher's ratio) of the
 # one angle. So high, as rolling that stops within an impact leaves what is no noise.
@@ -110,6 +111,8 @@ def other_zero(rebounds: Rebounds) -> float | None:
     def left(angle: float) -> float:
         return unexplained(some.oriented(some.phi + angle))
 
+    if left(0.0) < _BALANCED:
+        return None
     step = 2.0 * math.pi / _ZEROS
     angles = step * (np.arange(_ZEROS) - _ZEROS // 2)
     shares = np.array([left(angle) for angle in angles])
