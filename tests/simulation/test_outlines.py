@@ -17,12 +17,12 @@ from sledenv.simulation.outlines import (
     Arc,
     angle_of,
     bulged,
-    directions,
     hull_of_circles,
     in_order,
     mass_properties,
     outline_of,
     shifted,
+    sines_and_cosines,
 )
 from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
 
@@ -388,7 +388,7 @@ def test_an_outline_without_an_area_has_no_moments() -> None:
 @given(st.floats(-6.0, 6.0))
 def test_directions_are_sine_and_cosine(angle: float) -> None:
     """Oracle: the library of the platform."""
-    (sine,), (cosine,) = directions(np.array([angle]))
+    (sine,), (cosine,) = sines_and_cosines(np.array([angle]))
     assert (sine, cosine) == pytest.approx((math.sin(angle), math.cos(angle)), abs=4e-16)
 
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, segment
-from sledenv.simulation.outlines import directions
+from sledenv.simulation.outlines import sines_and_cosines
 from sledenv.simulation.scene import Slope, Tracks
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
@@ -34,10 +34,10 @@ def outline(body: Body, phi: float, points: int = 4000) -> Floats:
     for k in range(int(record["count"])):
         low = record["begin"][k]
         high = record["begin"][k + 1] if k + 1 < record["count"] else math.pi
-        sine, cosine = directions(np.linspace(low, high, points))
+        sine, cosine = sines_and_cosines(np.linspace(low, high, points))
         r, x, y = record["r"][k], -record["across"][k], record["along"][k]
         places.append(np.column_stack([x - r * sine, y - r * cosine]))
-    sine, cosine = (of[0] for of in directions(np.array([phi])))
+    sine, cosine = (of[0] for of in sines_and_cosines(np.array([phi])))
     turned: Floats = np.concatenate(places) @ np.array([[cosine, sine], [-sine, cosine]])
     return turned
 

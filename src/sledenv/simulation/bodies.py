@@ -15,8 +15,8 @@ from sledenv.simulation.outlines import (
     Arc,
     Floats,
     checked_arcs,
-    directions,
     outline_of,
+    sines_and_cosines,
 )
 from sledenv.simulation.rules import (
     INERTIA,
@@ -182,7 +182,7 @@ def _with_ends(given: np.ndarray) -> np.ndarray:
             other = int(record[name][arc])
             if other < 0 or record["r"][other] == 0.0:
                 continue
-            sine, cosine = directions(np.linspace(low, high, _SAMPLES))
+            sine, cosine = sines_and_cosines(np.linspace(low, high, _SAMPLES))
             across, along = (record[each][arc] - record[each][other] for each in ("across", "along"))
             lowest = float((record["r"][arc] - record["r"][other] + across * sine - along * cosine).min())
             if lowest < -_DEEPER * record["size"]:
@@ -196,7 +196,7 @@ def _with_end(given: np.ndarray, arc: int, *, rising: bool) -> np.ndarray:
     record, count = records[0], int(given["count"][0])
     place = arc if rising else arc + 1
     edge = float(record["begin"][arc] if rising else record["high"][arc])
-    sine, cosine = (float(each[0]) for each in directions(np.array([edge])))
+    sine, cosine = (float(each[0]) for each in sines_and_cosines(np.array([edge])))
     for name in GIVEN:
         record[name][place + 1 : count + 1] = record[name][place:count].copy()
         record[name][place] = given[name][0, arc]

@@ -52,7 +52,7 @@ class Outline(NamedTuple):
     rounding: Floats  # [m] shortest side that is not a smooth join
 
 
-def directions(angles: Floats) -> tuple[Floats, Floats]:
+def sines_and_cosines(angles: Floats) -> tuple[Floats, Floats]:
     """Sine and cosine of many angles [rad] within a few turns, of any shape: the same bits on every platform."""
     given = np.asarray(angles, float)
     sine, cosine = np.empty(given.shape), np.empty(given.shape)
@@ -169,7 +169,7 @@ def outline_of(arcs: Sequence[Arc]) -> Outline:
 
 def _outline_of(arcs: Sequence[Arc]) -> Outline:
     x, y, r, begin = columns(arcs)
-    sine, cosine = (np.roll(of, -1) for of in directions(begin))  # where each arc ends
+    sine, cosine = (np.roll(of, -1) for of in sines_and_cosines(begin))  # where each arc ends
     a, b = y * sine - x * cosine, r - x * sine - y * cosine
     following = [np.roll(of, -1) for of in (x, y, r)]
     sides = following[1] * sine - following[0] * cosine - a
@@ -189,7 +189,7 @@ def _outline_of(arcs: Sequence[Arc]) -> Outline:
 
 def arms_of(arc: Arc, phi: float) -> tuple[float, float]:
     """Arms ``a``, ``b`` [m] of an arc at an orientation [rad]: its lowest point is (-a, -b) from the mass centre."""
-    (sine,), (cosine,) = directions(np.array([phi]))
+    (sine,), (cosine,) = sines_and_cosines(np.array([phi]))
     return float(arc.y * sine - arc.x * cosine), float(arc.radius - arc.x * sine - arc.y * cosine)
 
 
@@ -415,9 +415,9 @@ def mass_properties(arcs: Sequence[Arc]) -> tuple[float, tuple[float, float], fl
     half = 0.5 * np.array([turn_of(arcs, k) for k in range(len(arcs))])
     ends = np.empty((len(arcs), 2, 2))  # of each arc: first and last point
     for i, angle in enumerate((begin, begin + 2.0 * half)):
-        sine, cosine = directions(angle)
+        sine, cosine = sines_and_cosines(angle)
         ends[:, i] = np.column_stack([x - r * sine, y - r * cosine])
-    sine, cosine = directions(begin + half)
+    sine, cosine = sines_and_cosines(begin + half)
     area, height, inertia = segment_moments(half)
     outward = -np.column_stack([sine, cosine]) * (r * height)[:, np.newaxis]
     areas, centres, inertias = _triangles(ends.reshape(-1, 2))
@@ -456,8 +456,8 @@ def segment_moments(alpha: Floats) -> tuple[Floats, Floats, Floats]:
     angle = alpha[:, np.newaxis]
     nodes, weights = _nodes()
     t = 0.5 * angle * (1.0 + nodes)  # the strip at cos(t) from the centre of the arc, half as wide as sin(t)
-    half, _ = directions(t)
-    above = 2.0 * directions(0.5 * (angle + t))[0] * directions(0.25 * angle * (1.0 - nodes))[0]  # the chord
+    half, high, low = (sines_and_cosines(one)[0] for one in (t, 0.5 * (angle + t), 0.25 * angle * (1.0 - nodes)))
+    above = 2.0 * high * low  # the chord
     share = weights * half**2
     area = alpha * share.sum(axis=1)
     share = weights * (half / half.max(axis=1, keepdims=True)) ** 2
