@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager
 from typing import Any, Final, Literal, NamedTuple
 
-import matplotlib
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
@@ -25,7 +23,7 @@ from sledenv.benchmark.scores import (
     rank,
     regrets,
 )
-from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, STYLE, WIDTH
+from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, styled
 from sledenv.scenarios.configuration import Pair
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.scenarios.sections import CONTROLS
@@ -145,7 +143,7 @@ def plot_maps(results: Results) -> Figure | None:
     ]
     launches = results.oracle[results.oracle["environment"] == "launch"].set_index(["scenario", "context"])
     scenarios = sorted(maps["scenario"].unique())
-    with style({"axes.spines.top": True, "axes.spines.right": True}):
+    with styled({"axes.spines.top": True, "axes.spines.right": True}):
         figure = Figure(figsize=(WIDTH, 1.0 + 2.7 * len(scenarios)), layout="constrained")
         grid = figure.subplots(len(scenarios), _MAPS, squeeze=False, sharex="row")
         image = None
@@ -172,7 +170,7 @@ def plot_energy(results: Results) -> Figure:
     table = decomposition(results)
     problems = list(table.groupby(PROBLEM, sort=False))
     heights = [len(group) for _, group in problems]
-    with style({}):
+    with styled():
         size = (WIDTH, 1.6 + 0.24 * sum(heights) + 0.45 * len(problems))
         figure = Figure(figsize=size, layout="constrained")
         grid = figure.subplots(len(problems), 2, squeeze=False, sharex=True, height_ratios=heights)
@@ -203,12 +201,6 @@ def plot_energy(results: Results) -> Figure:
     return figure
 
 
-def style(more: dict[str, Any]) -> AbstractContextManager[None]:
-    """Draw in the style of all figures, with more of one's own."""
-    settings: Any = STYLE | more
-    return matplotlib.rc_context(settings)
-
-
 def _panels(
     table: pd.DataFrame, draw: Callable[[Axes, pd.DataFrame], None], x: str, y: str, handles: list[Any]
 ) -> Figure:
@@ -216,7 +208,7 @@ def _panels(
     groups = list(ordered(table).groupby(PROBLEM, sort=False))
     columns = min(3, len(groups))
     rows = -(-len(groups) // columns)
-    with style({}):
+    with styled():
         figure = Figure(figsize=(WIDTH, 1.1 + 2.6 * rows), layout="constrained")
         grid = figure.subplots(rows, columns, squeeze=False)
         for ax in grid.flat[len(groups) :]:

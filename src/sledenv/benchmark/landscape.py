@@ -12,13 +12,13 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from sledenv.benchmark.figures import between, label, look, style
+from sledenv.benchmark.figures import between, label, look
 from sledenv.benchmark.oracle import JamMap, best_launches, jam_map
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.envs.inputs import Contexts
 from sledenv.pages.play import Mark
-from sledenv.plot.style import INK, plain
+from sledenv.plot.style import INK, plain, styled
 from sledenv.scenarios.scenario import Scenario, ScenarioError
 from sledenv.scenarios.sections import CONTROLS
 
@@ -125,7 +125,7 @@ def _drawn(problem: Problem, one: JamMap, best: pd.Series, results: pd.DataFrame
     names, others = problem.task.controlled[:2], problem.task.controlled[2:]
     axes = [physical(problem, name, values) for name, values in zip(names, one.launches, strict=False)]
     labels = [f"{name} at launch [{CONTROLS[name].unit}]" for name in names]
-    with style({"figure.constrained_layout.use": True}):
+    with styled({"figure.constrained_layout.use": True}):
         figure = Figure(figsize=(6.4, 4.6))
         ax = figure.subplots()
         if len(names) == 2:

@@ -253,7 +253,7 @@ def play(
             tell(f"play: wrote {html}", {"written": [html]}, json)
             return
         loaded = load_scenario(scenario)
-        ride = loaded.rider is not None and loaded.has_track  # a plane has no take-offs but of rebounds
+        ride = loaded.is_ride  # a plane has no take-offs but of rebounds
         if runs and not ride:
             raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
         if ride and solver != "compliant":

@@ -22,6 +22,8 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.entries import Table
+from sledenv.machine.files import replacing
+from sledenv.pages.as_json import plain_slope
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent, limits_of
 from sledenv.simulation.records import (
@@ -137,7 +139,7 @@ def descent_input(
     given = {
         "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
         "law": lanes.kind(*tables.laws[0].tolist())._asdict(),
-        "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
+        "slope": plain_slope(slope),
         "launch": launch._asdict(),
         "limits": tables.limits._asdict(),
         "solver": settings.solver,
@@ -222,7 +224,8 @@ def make(file: Path = KERNEL) -> None:
             raise RuntimeError(f"the kernel could not be linked: {' '.join(command)}: {done.stderr.strip()[-2000:]}")
         linked = (scratch / "kernel.wasm").read_bytes()
         section = _named(_SECTION) + json.dumps(layout(), separators=(",", ":")).encode()
-        file.write_bytes(linked + b"\0" + _leb(len(section)) + section)
+        with replacing(file, ".wasm") as part:
+            part.write_bytes(linked + b"\0" + _leb(len(section)) + section)
 
 
 def _linker() -> list[str]:

@@ -10,6 +10,7 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
+from sledenv.pages.as_json import plain_slope
 from sledenv.pages.columns import REBOUND_COLUMNS
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import descent_input, jsonable, packed_kernel
@@ -19,6 +20,7 @@ from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
 from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, ContactLaw, Slope, State, Tracks
 from sledenv.simulation.settings import Settings, Solver
@@ -222,7 +224,7 @@ def told_setting(
         "body": body,
         "values": values,
         "law": law._asdict(),
-        "slope": slope._asdict() | {"zones": [zone.given() for zone in slope.zones]},
+        "slope": plain_slope(slope),
         "launch": launch._asdict(),
         "marks": [mark._asdict() for mark in marks],
     }
@@ -326,7 +328,6 @@ def _body(law: ContactLaw, slope: Slope, settings: Settings, named: NamedBody) -
     anyhow, plane = State(0.0, support_height(body, 0.0), 0.0), Slope(slope.angle, slope.length, slope.gravity)
     given = descent_input(body, law, plane, anyhow, settings)
     rigid = descent_input(body, law, plane, anyhow, replace(settings, solver="rigid"))
-    arcs = body.record[0]
     told = {key: getattr(settings, key) for key in ("max_time", "max_rebounds", "run_out")}
     told |= {
         one.name: getattr(settings, one.name)
@@ -342,7 +343,7 @@ def _body(law: ContactLaw, slope: Slope, settings: Settings, named: NamedBody) -
         "settle_speed": rigid["law"]["settle_speed"],
         "gyration": math.sqrt(body.inertia / body.mass),
         "parts": body.parts,
-        "sharp": bool(((arcs["r"] == 0.0) & (arcs["high"] > arcs["low"]))[: int(arcs["count"])].any()),
+        "sharp": bool(has_sharp_corner(body.record)[0]),
         "size": max(body.size, 1e-6),  # a point mass has none
     }
 

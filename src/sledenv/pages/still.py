@@ -8,6 +8,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sledenv.pages.scenes import drawn_body
+from sledenv.plot.grounds import surface
 from sledenv.plot.riders import strobe_poses
 from sledenv.plot.shapes import to_world
 from sledenv.simulation.bodies import Body
@@ -44,7 +45,7 @@ def still(descent: Descent) -> Still:
     path = np.stack([rows["x"], rows["y"]], axis=-1)[:: math.ceil(len(rows) / _POINTS)]
     finish = [slope.length] if math.isfinite(slope.length) else []
     left, right = min(0.0, float(path[:, 0].min())), max(*finish, float(path[:, 0].max()), 0.0)
-    ground = _ground(slope.vertices, left, right)
+    ground = surface(slope.vertices, left, right)
     world = to_world(np.concatenate([path, ground, ground + np.array([0.0, 2.0 * size])]), slope.angle)
     low, high = world.min(axis=0), world.max(axis=0)
     margin = max(1.3 * size, 0.03 * float(high[0] - low[0]))
@@ -58,12 +59,12 @@ def still(descent: Descent) -> Still:
         return placed
 
     reach = 2.0 * (_WIDTH + height) / scale  # beyond the edges of the picture
-    surface = pixels(_ground(slope.vertices, left - reach, right + reach))
+    top = pixels(surface(slope.vertices, left - reach, right + reach))
     below = pixels(np.array([(right + reach, -reach), (left - reach, -reach)]))
     parts = [
         f'<rect width="{_WIDTH:g}" height="{height:.0f}" fill="var(--sky)"/>',
-        f'<polygon points="{_text(surface)} {_text(below)}" fill="var(--ground)"/>',
-        f'<polyline points="{_text(surface)}" fill="none" stroke="var(--line)" stroke-width="2"/>',
+        f'<polygon points="{_text(top)} {_text(below)}" fill="var(--ground)"/>',
+        f'<polyline points="{_text(top)}" fill="none" stroke="var(--line)" stroke-width="2"/>',
     ]
     for x in finish:
         foot = np.array([(x, float(slope.height_at(x)))])
@@ -77,14 +78,6 @@ def still(descent: Descent) -> Still:
         parts.append(f'<use href="#drawn" transform="{place}"/>')
     parts.append(f'<polyline points="{_text(pixels(path))}" fill="none" stroke="var(--blue)" stroke-width="1.3"/>')
     return Still(f"0 0 {_WIDTH:g} {height:.0f}", "".join(parts))
-
-
-def _ground(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
-    """Points x, y [m] of the ground between two places."""
-    inside = vertices[(vertices[:, 0] > left) & (vertices[:, 0] < right)]
-    x = np.r_[left, inside[:, 0], right]
-    heights = np.interp(x, *vertices.T) if len(vertices) else np.zeros(len(x))
-    return np.stack([x, heights], axis=-1)
 
 
 def _pose(body: Body) -> str:

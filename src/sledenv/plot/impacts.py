@@ -14,6 +14,7 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rigid_impact import Hypothesis, rigid_impact
 from sledenv.simulation.scene import ContactLaw, State
 from sledenv.simulation.support import lowest_arms, within_a_turn
+from sledenv.simulation.words import mode_name
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -85,7 +86,7 @@ def plot_impulse_plane(
         ax.set_ylim(-high, high)
         ax.set_xlabel("normal impulse [N s]")
         ax.set_ylabel("tangential impulse [N s]")
-        ax.set_title(f"ends as {impact.mode.name.lower().replace('_', '-')}", loc="left")
+        ax.set_title(f"ends as {mode_name(impact.mode)}", loc="left")
         handles: list[Artist] = [Patch(color=SHADE, label=f"cone of friction, f = {law.friction:g}")]
         shown = (_SLIPS[slip] for slip in sorted({phase.slip for phase in impact.phases}))
         handles += [Line2D([], [], color=colour, lw=2.4, label=label) for colour, label in shown]

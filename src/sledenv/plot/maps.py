@@ -9,6 +9,7 @@ import numpy as np
 
 from sledenv.plot.style import BLUE, GREEN, INK, ORANGE, PURPLE, RED, SKY, WIDTH, plain, styled
 from sledenv.simulation.records import Mode
+from sledenv.simulation.words import mode_name
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -138,7 +139,7 @@ def plot_mode_map(
     for title, modes in panels.items():
         if modes.shape != (len(speed_ratio), len(phi)):
             raise ValueError(f"{title!r} has shape {modes.shape}: must be {(len(speed_ratio), len(phi))}")
-    words = {mode: mode.name.lower().replace("_", "-") for mode in Mode}
+    words = {mode: mode_name(mode) for mode in Mode}
     found = [words[mode] for mode in Mode if any((modes == mode).any() for modes in panels.values())]
     with styled():
         from matplotlib.figure import Figure

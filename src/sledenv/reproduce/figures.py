@@ -30,6 +30,7 @@ from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
+from sledenv.simulation.words import mode_name
 
 _DPI = 150
 _SLED_GIVEN = "Given in the paper: 100 kg, friction 0.03, restitution 0.5."
@@ -109,7 +110,7 @@ def write_mode_map(folder: Path) -> None:
                 state = State(0.0, 0.0, math.radians(angle), speed, -1.0, 0.0)
                 mode = rigid_impact(cases.EXAMPLE_BODY, law, state, restitution=restitution).mode
                 modes[i, j] = mode
-                lines.append((friction, arm, restitution, angle, speed, mode.name.lower().replace("_", "-")))
+                lines.append((friction, arm, restitution, angle, speed, mode_name(mode)))
         panels[f"f = {friction:g}, δ = {1e3 * arm:g} mm, e = {restitution:.3g}"] = modes
     note = "How one rigid impact ends: the body of the worked example, without spin at touch."
     plot_mode_map(np.radians(degrees), ratio, panels, note=note).savefig(folder / "mode_map.png", dpi=_DPI)

@@ -218,10 +218,9 @@ class Scenario(Document):
         if bumps.begin < size:
             allowed = f"at least the size of the body, {size:.4g} m, so that it is launched over level ground"
             raise ValueError(f"slope.bumps.start_m = {section.start_m:g}: must be {allowed}")
-        longest = bumps.gap[1] + bumps.face[1] + bumps.top[1] + (bumps.back or bumps.face)[1]
-        if not bumps.begin + longest <= bumps.end:
+        if not bumps.begin + bumps.longest <= bumps.end:
             parts = f"start_m, the longest bump and the size of the body, {size:.4g} m: the finish must be level"
-            least = bumps.begin + longest + size
+            least = bumps.begin + bumps.longest + size
             raise ValueError(f"slope.length_m = {length:g}: must be at least {least:.6g} m, the sum of {parts}")
         if 4 * bumps.most() > MOST_VERTICES:
             most = f"at most {MOST_VERTICES // 4}; make them or gap_m longer, or slope.length_m shorter"
@@ -517,8 +516,7 @@ class Scenario(Document):
         """
         bumps, vertices = self._bumps, vertices_of(self.slope_section.profile)
         if bumps is not None:
-            longest = bumps.gap[1] + bumps.face[1] + bumps.top[1] + (bumps.back or bumps.face)[1]
-            return AHEAD / 4 * longest, bumps.height[1]
+            return AHEAD / 4 * bumps.longest, bumps.height[1]
         if not len(vertices):
             return 0.0, 0.0
         x = np.concatenate([[0.0], vertices[:, 0]])

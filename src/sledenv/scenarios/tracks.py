@@ -39,6 +39,11 @@ class Bumps(NamedTuple):
     begin: float  # where the first gap begins
     end: float  # behind which there is no bump
 
+    @property
+    def longest(self) -> float:
+        """How far [m] one bump may reach along the slope, its gap included."""
+        return self.gap[1] + self.face[1] + self.top[1] + (self.back or self.face)[1]
+
     def draw(self, tracks: NDArray[np.float64]) -> Floats:
         """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 2).
 
