@@ -11,6 +11,7 @@ from sledenv.pages.columns import trajectory_columns
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import Arc
+from sledenv.simulation.scene import ContactLaw
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.words import part_name, rebound_cells, setting, story
 from tests.bodies import DISC, HILL, ICE, SLED, run
@@ -74,6 +75,17 @@ def test_a_story_tells_on_what_the_body_lay() -> None:
     segments = run(SLED, ICE, HILL, (0.0, 0.0, 3.14159, 1.0, 0.0, 0.0))
     assert segments.on_chord is not None
     assert f"chord      first lay on it, settled, after {segments.on_chord[0]:.4f} s" in story(segments)
+
+
+def test_a_story_tells_of_a_surface_so_soft_that_a_body_sinks_in() -> None:
+    """Oracle: the rebounds; a stiffness of 1 kN/m is one in another unit."""
+    for stiffness, told in ((1e3, True), (1e7, False)):
+        law = ContactLaw.from_restitution(0.5, stiffness=stiffness, friction=0.2, rolling_arm=0.001)
+        descent = run(DISC, law, HILL, (0.0, 1.0, 0.0, 2.0))
+        depth = descent.rebounds["peak_penetration"].max()
+        words = f"depth      pressed in by {depth:.4f} m, {depth / DISC.size:.2g} times the size of the body"
+        assert (words in story(descent)) == told
+        assert ("depth" in story(descent)) == told
 
 
 @pytest.mark.parametrize("body", [SLED, BOULDER, CRATE, RIDER, LINE])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Final
 
 import numpy as np
 
@@ -19,6 +20,9 @@ from sledenv.simulation.support import resting_heights, within_a_turn
 def part_name(body: Body, code: int) -> str:
     """Return the part of a body that touches, such as "arc", from its code in records; "none" in flight."""
     return body.parts[code - 1] if code else "none"
+
+
+_DEEP: Final = 0.1  # of the size of the body: a penetration that is told
 
 
 def mode_name(mode: int) -> str:
@@ -182,6 +186,10 @@ def summary(descent: Descent) -> str:
         time, x = descent.on_chord
         where = "chord      first lay on it" if isinstance(descent.body, Segment) else "side       first lay on one"
         lying.append(f"{where}, settled, after {time:.4f} s at x = {x:z.4f} m")
+    depth = float(descent.rebounds["peak_penetration"].max(initial=0.0))
+    if depth > _DEEP * descent.body.size:  # as of a stiffness in another unit
+        sizes = depth / descent.body.size
+        lying.append(f"depth      pressed in by {depth:.4f} m, {sizes:.2g} times the size of the body: a soft surface")
     lines = [
         f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
         *lying,
