@@ -126,13 +126,14 @@ def with_options(options: Any) -> Any:
             "context.zone_friction = 0.5: must be 0, the scenario has no zones",
         ),
         (lambda: lanes(options={"context": [{}, {"friction": -1}]}), "context[1].friction = -1.0: must be in [0, inf)"),
+        (lambda: reset([0.1] * 11), "context has shape (11,): must be (12,) or (1, 12), columns angle, friction"),
         (lambda: reset(np.zeros(11)), "context has shape (11,): must be (12,) or (1, 12), columns angle, friction"),
         (lambda: make_vec_env(ID, 2, env_kwargs={"info": ("jam",)}), "env_kwargs['info'] = ('jam',): must be left out"),
         (
             lambda: make_vec_env(ID, 2, scenario="sled_mat"),
             "scenario: is an argument of the environment, give",
         ),
-        (lambda: Problem("sled_mat").contexts("test", -1), "contexts = -1: must be an integer >= 1"),
+        (lambda: Problem("sled_mat").contexts("test", -1), "contexts = -1: must be an integer >= 0"),
         (lambda: rewarded("sled_rollers", 1), "problem.environment = 'descent': must be 'launch' for launches that"),
         (
             lambda: Problem("sled_rollers", "descent").descend(np.zeros((1, 12)), [[0]]),

@@ -111,9 +111,9 @@ GIVEN = [SledLaunch, SledDescent, partial(SledLaunchVector, 2)]
     ("given", "field", "value", "allowed"),
     [
         (SEVERAL, "shape", 3.0, r"a whole number in \[0, 2\]"),
-        ("sled_snow", "zone_begin", 9.0, r"in \(-inf, 9\) m"),
-        ("sled_mat", "zone_begin", 12.0, r"in \(-inf, 12\) m"),
-        (SEVERAL, "zone_begin", 0.75, r"in \[1, 3\) m"),
+        ("sled_snow", "zone_begin", 9.0, r"in \(-inf, 9.0\) m"),
+        ("sled_mat", "zone_begin", 12.0, r"in \(-inf, 12.0\) m"),
+        (SEVERAL, "zone_begin", 0.75, r"in \[1.0, 3.0\) m"),
     ],
 )
 def test_what_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind, given, field, value, allowed):

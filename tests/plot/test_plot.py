@@ -443,6 +443,18 @@ def test_friction_is_used_up_where_a_block_slides_into_a_zone_and_out_of_it(solv
     assert -1.0 <= share < -0.1
 
 
+def test_a_zone_that_a_contact_does_not_reach_is_no_bound_of_its_impulse() -> None:
+    """Oracle: a block that slides to its rest has used all of the friction, up to the zone or far from it."""
+    law = STEEL._replace(friction=0.3)
+    for begin in (1.0, 3.0):
+        slope = Slope(0.0, 20.0, zones=[Zone(begin + 2.0, math.inf, 0.6, 0.0)])
+        descent = simulate(BLOCK, law, slope, State(2.0, 0.2, 0.0, 2.0), record="trajectory")
+        reached = descent.contacts["x"].max()
+        share = plot.plot_impulses(descent).axes[1].collections[0].get_segments()[-1][1, 1]
+        assert (share == pytest.approx(-1.0, abs=1e-6)) == (reached < begin + 2.0)
+    assert 2.7 < reached < 5.0
+
+
 def test_the_loop_of_a_contact_has_the_area_of_its_loss(slides: Descent) -> None:
     """Oracles: the loss that the rebound recorded; N = k x with the two stiffnesses of the law."""
     figure = plot.plot_penetration(slides, 1)

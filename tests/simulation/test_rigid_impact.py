@@ -165,6 +165,8 @@ def test_a_body_that_comes_down_flat_is_refused_and_one_that_is_turned_by_little
     """Oracle: two points are as low as each other; turned by a thousandth one of them is hit."""
     with pytest.raises(ValueError, match=r"state.phi = .*: the body comes down on two points at once there"):
         rigid_impact(body, PAPER_LAW, State(0.0, 0.0, flat, 0.0, -1.0, omega))
+    rises = State(0.0, 0.0, flat, 1.0, 1.0 + abs(omega), omega)
+    assert rigid_impact(body, PAPER_LAW, rises).state == rises  # no point approaches
     for turn in (-1e-3, 1e-3):
         assert rigid_impact(body, PAPER_LAW, State(0.0, 0.0, flat + turn, 0.0, -1.0, omega)).phases
 

@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 import pandas as pd
+from joblib import cpu_count
 from numpy.typing import ArrayLike, NDArray
 from scipy import stats
 from scipy.ndimage import gaussian_filter1d
@@ -143,14 +144,17 @@ def best_found(
     Of rides the table has the columns of :func:`sledenv.benchmark.best_rides.best_rides` behind the fields of the
     context, for the draw with which agents are judged: row i has the i-th draw of the launch noise, so that
     ``contexts[5:]`` have other draws than with the first five. With ``progress`` a bar on standard error shows how far
-    it is. ``workers`` are processes, None as many as there are cores; the table does not depend on them.
+    it is. Rides are searched by so many ``workers``, None as many as there are cores, and launches by threads; the
+    table does not depend on their number.
     """
     trials = problem.trials(contexts, "test")
-    parts = [trials[start : start + BLOCK] for start in range(0, len(trials), BLOCK)]
+    count = (workers or cpu_count()) if problem.environment == "descent" else 1
+    size = BLOCK if count == 1 else min(BLOCK, math.ceil(len(trials) / count))
+    parts = [trials[start : start + size] for start in range(0, len(trials), size)]
     calls: list[Call] = [(_best_part, (problem, part, number)) for number, part in enumerate(parts)]
     tables: dict[int, pd.DataFrame] = {}
     with tqdm(total=len(trials), desc="searching the best", unit=" contexts", disable=not progress) as bar:
-        for number, table in runner(workers)(calls) if workers != 1 else (call(*given) for call, given in calls):
+        for number, table in runner(count)(calls) if count > 1 else (call(*given) for call, given in calls):
             tables[number] = table
             bar.update(len(table))
     return pd.concat([tables[number] for number in range(len(parts))], ignore_index=True)

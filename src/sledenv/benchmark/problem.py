@@ -23,7 +23,7 @@ from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.rules import checked_count
+from sledenv.simulation.rules import checked_seed
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
@@ -160,8 +160,7 @@ class Problem:
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
-        if count:
-            checked_count("contexts", count)
+        checked_seed(count, "contexts")  # an integer >= 0, as a seed is
         check_room(count * TRIALS * _A_TRIAL, f"contexts = {count}: they and their trials", "take fewer")
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])

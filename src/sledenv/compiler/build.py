@@ -122,7 +122,7 @@ def _emitted(module: Any, target: Target) -> bytes:
 
 def check_calls(content: bytes) -> None:
     """Raise RuntimeError if an object calls what LLVM puts in place of long loops: no library gives it."""
-    called = re.search(rb"\0_?(memset|memcpy|memmove)\0", content)
+    called = re.search(rb"\0_{0,3}(memset|memcpy|memmove|bzero)\0", content)
     if called:
         name = called[1].decode()
         raise RuntimeError(f"an object calls {name}: part the loop that LLVM has replaced by it into shorter ones")

@@ -11,7 +11,7 @@ from gymnasium.error import InvalidAction
 from numpy.typing import NDArray
 
 from sledenv.scenarios.scenario import Context, Split, check_split
-from sledenv.simulation.rules import checked, checked_rows, checked_table, numbers_of
+from sledenv.simulation.rules import checked, checked_rows, checked_table, is_named, numbers_of
 
 # (n, 12), columns as in Context; (n, 14) in a task with launch noise, that of orientation [rad] and spin [rad/s] behind
 Contexts = NDArray[np.float64]
@@ -89,8 +89,13 @@ def _table(
             allowed = " or ".join(map(str, shapes))
             raise ValueError(f"{name} {verb} shape {shape}: must be {allowed}, columns {', '.join(fields)}")
 
-    if isinstance(given, np.ndarray) and given.ndim:  # of what else is wrong, such as names, it is told first
-        check_shape(given.shape)
+    if not is_named(given):  # where names are wrong it is told first
+        try:
+            plain = np.asarray(given)
+        except (TypeError, ValueError, RuntimeError):  # of which it is told below
+            plain = np.empty(shapes[0])
+        if plain.ndim and plain.dtype.kind in "biuf":
+            check_shape(plain.shape)
     table = checked_table(name, given, fields)
     check_shape(np.asarray(given).shape)
     return table
@@ -100,7 +105,7 @@ def _fixed(context: Any, lanes: int, called: str = "context") -> NDArray[np.floa
     """Fields of contexts that a user fixes, shape (lanes, 12), NaN where one is to be drawn."""
     if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
         if len(context) != lanes:
-            raise ValueError(f"context has {len(context)} entries: must be one a lane, {lanes}")
+            raise ValueError(f"{called} has {len(context)} entries: must be one a lane, {lanes}")
         return np.concatenate([_fixed(one, 1, f"context[{lane}]") for lane, one in enumerate(context)])
     fixed = np.full((lanes, FIELDS), np.nan)
     if isinstance(context, Mapping):

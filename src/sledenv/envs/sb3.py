@@ -25,7 +25,7 @@ with needs("agents", __name__):
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
 
-_OF_ENVIRONMENTS = {"scenario", "control", "render_mode", "max_episode_steps", *TaskOptions.__annotations__}
+_OF_ENVIRONMENTS = {"scenario", "render_mode", "max_episode_steps", *TaskOptions.__annotations__}
 _OWN = {  # what environments take and make_vec_env decides
     "info": "info is an argument of make_vec_env",
     "autoreset_mode": "lanes are reset in the step with which they end, as stable-baselines3 expects",

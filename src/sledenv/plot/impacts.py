@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SLIPS = {1: (RED, "slips downhill"), -1: (BLUE, "slips uphill"), 0: (GREEN, "sticks")}  # by the sign of the slip
+_FLAT = 1e-6  # [rad] by which a body may be turned and still lies flat
 _ON_A_CURVE = 64  # points of the curve of a flight
 
 
@@ -187,10 +188,11 @@ def _largest_friction(descent: Descent, rebound: np.void) -> float:
     """Largest friction [-] of the places where a contact has been."""
     places = [float(rebound["x_contact"])]
     if rebound["duration"] > 0.0:
-        size = descent.body.size
-        low, high = min(places[0], rebound["x"] - size), max(places[0], rebound["x"] + size)
+        turned = np.array([rebound["phi"] - _FLAT, rebound["phi"] + _FLAT])  # of a body that lies flat both ends
+        ends = rebound["x"] - lowest_arms(descent.body.record, turned)[1][:, 0]
+        low, high = min(places[0], *ends), max(places[0], *ends)
         borders = [border for zone in descent.slope.zones for border in zone[:2] if low < border < high]
-        places += [low, *borders]
+        places += [low, high, *borders]
     return float(descent.slope.friction_at(np.array(places), descent.law.friction).max())
 
 

@@ -450,7 +450,7 @@ class Scenario(Document):
         wrong = (begins < low) | (begins >= high)
         if wrong.any():
             value = float(begins[wrong][0])
-            raise ValueError(f"context.zone_begin = {value!r}: must be in {'[' if drawn else '('}{low:g}, {high:g}) m")
+            raise ValueError(f"context.zone_begin = {value!r}: must be in {'[' if drawn else '('}{low!r}, {high!r}) m")
 
     def law(self, context: Context) -> ContactLaw:
         """Return the contact law of a context."""

@@ -133,7 +133,7 @@ def rigid_impact(
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     ValueError
-        If the body comes down flat, on two points at once.
+        If the body comes down flat, on two points at once, of which one approaches at least.
     ArithmeticError
         If the impact does not end within the bound on its phases.
     """
@@ -142,7 +142,7 @@ def rigid_impact(
     e = law.restitution if restitution is None else checked("rigid_impact", "restitution", restitution, CLOSED_FRACTION)
     rows, hits = np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT)
     touching = state._replace(phi=float(within_a_turn(np.array(state.phi))))
-    _check_one_point(body, touching.phi)
+    _check_one_point(body, touching, state.phi)
     phases_found = np.empty(1, np.int64)
     run_collision(body.record, law, touching, e, _CODES[hypothesis], hits, rows, phases_found)
     count = int(phases_found[0])
@@ -170,10 +170,11 @@ def rigid_impact(
     )
 
 
-def _check_one_point(body: Body, phi: float) -> None:
+def _check_one_point(body: Body, state: State, phi: float) -> None:
     """Raise ValueError where the lowest point of a body jumps to another one, as it does where it lies flat."""
-    _, arms = lowest_arms(body.record, np.array([phi - _FLAT, phi + _FLAT]))
-    if np.ptp(arms[:, 0]) > 4.0 * _FLAT * max(body.size, float(body.record["r"].max())):
+    _, arms = lowest_arms(body.record, np.array([state.phi - _FLAT, state.phi + _FLAT]))
+    flat = np.ptp(arms[:, 0]) > 4.0 * _FLAT * max(body.size, float(body.record["r"].max()))
+    if flat and (state.v - arms[:, 0] * state.omega < 0.0).any():
         raise ValueError(
             f"state.phi = {phi!r}: the body comes down on two points at once there, and this is the impact of one; "
             "simulate(..., solver='rigid') follows both"

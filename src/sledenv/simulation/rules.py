@@ -231,6 +231,11 @@ def _is_series(given: Any) -> bool:
     return hasattr(given, "index") and hasattr(given, "to_frame")
 
 
+def is_named(given: Any) -> bool:
+    """Whether this has columns, or entries, that go by their names."""
+    return is_frame(given) or _is_series(given)
+
+
 def check_names(name: str, columns: Iterable[Any]) -> None:
     """Raise ValueError, naming it, if a column of a table is there twice."""
     twice = [column for column, count in Counter(columns).items() if count > 1]

@@ -187,7 +187,7 @@ def summary(descent: Descent) -> str:
         where = "chord      first lay on it" if isinstance(descent.body, Segment) else "side       first lay on one"
         lying.append(f"{where}, settled, after {time:.4f} s at x = {x:z.4f} m")
     depth = float(descent.rebounds["peak_penetration"].max(initial=0.0))
-    if depth > _DEEP * descent.body.size:  # as of a stiffness in another unit
+    if depth > _DEEP * descent.body.size > 0.0:  # as of a stiffness in another unit
         sizes = depth / descent.body.size
         lying.append(f"depth      pressed in by {depth:.4f} m, {sizes:.2g} times the size of the body: a soft surface")
     lines = [
