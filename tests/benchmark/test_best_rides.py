@@ -106,3 +106,10 @@ def test_a_search_in_blocks_keeps_the_draw_of_each_context_and_tells_how_far_it_
     table = best_found(problem, contexts, progress=True)
     assert np.array_equal(table["error"], problem.trials(contexts, "test")[:, 0, -1])
     assert "12/12" in capsys.readouterr().err
+
+
+def test_processes_find_what_one_finds(found, monkeypatch):
+    """Oracle: the same search without them."""
+    problem, table = found
+    monkeypatch.setattr("sledenv.benchmark.oracle._PAYS", 1)
+    pd.testing.assert_frame_equal(best_found(problem, problem.contexts("test", 3), workers=2), table)

@@ -43,7 +43,8 @@ FINALISTS: Final = 2  # of each search
 JUDGED: Final = (8, 256)  # samples of draws that judge the best launch, independent of each other and of the search
 SEARCHES: Final = 2
 NEAR: Final = 0.01  # what counts as near the optimum, relative to its reward
-BLOCK: Final = 10  # contexts that are searched at a time, so that a stop loses no more and cores share them
+BLOCK: Final = 10  # contexts that are searched at a time, so that a stop loses no more
+_PAYS: Final = 5  # rides whose search takes much longer than to start a process for it
 _SAME: Final = 1e-9  # rewards that differ by less come from the same physics
 
 
@@ -148,8 +149,8 @@ def best_found(
     table does not depend on their number.
     """
     trials = problem.trials(contexts, "test")
-    count = (workers or cpu_count()) if problem.environment == "descent" else 1
-    size = BLOCK if count == 1 else min(BLOCK, math.ceil(len(trials) / count))
+    count = min(workers or cpu_count(), len(trials) // _PAYS) if problem.environment == "descent" else 1
+    size = min(BLOCK, math.ceil(len(trials) / count)) if count > 1 else BLOCK
     parts = [trials[start : start + size] for start in range(0, len(trials), size)]
     calls: list[Call] = [(_best_part, (problem, part, number)) for number, part in enumerate(parts)]
     tables: dict[int, pd.DataFrame] = {}
