@@ -13,7 +13,7 @@ from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rigid_impact import Hypothesis, rigid_impact
 from sledenv.simulation.scene import ContactLaw, State
-from sledenv.simulation.support import lowest_arms, within_a_turn
+from sledenv.simulation.support import arms_beside, lowest_arms, within_a_turn
 from sledenv.simulation.words import mode_name
 
 if TYPE_CHECKING:
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _SLIPS = {1: (RED, "slips downhill"), -1: (BLUE, "slips uphill"), 0: (GREEN, "sticks")}  # by the sign of the slip
-_FLAT = 1e-6  # [rad] by which a body may be turned and still lies flat
 _ON_A_CURVE = 64  # points of the curve of a flight
 
 
@@ -188,8 +187,7 @@ def _largest_friction(descent: Descent, rebound: np.void) -> float:
     """Largest friction [-] of the places where a contact has been."""
     places = [float(rebound["x_contact"])]
     if rebound["duration"] > 0.0:
-        turned = np.array([rebound["phi"] - _FLAT, rebound["phi"] + _FLAT])  # of a body that lies flat both ends
-        ends = rebound["x"] - lowest_arms(descent.body.record, turned)[1][:, 0]
+        ends = rebound["x"] - arms_beside(descent.body, float(rebound["phi"]))[:, 0]
         low, high = min(places[0], *ends), max(places[0], *ends)
         borders = [border for zone in descent.slope.zones for border in zone[:2] if low < border < high]
         places += [low, high, *borders]

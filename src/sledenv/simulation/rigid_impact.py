@@ -15,11 +15,10 @@ from sledenv.kernel.records import PHASE, Mode
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import CLOSED_FRACTION, checked, checked_choice, made
 from sledenv.simulation.scene import ContactLaw, State
-from sledenv.simulation.support import lowest_arms, within_a_turn
+from sledenv.simulation.support import FLAT, arms_beside, within_a_turn
 
 Hypothesis = Literal["energetic", "poisson", "newton"]
 
-_FLAT = 1e-6  # [rad] by which a body may be turned and still comes down flat
 _CODES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
 
 
@@ -172,8 +171,8 @@ def rigid_impact(
 
 def _check_one_point(body: Body, state: State, phi: float) -> None:
     """Raise ValueError where the lowest point of a body jumps to another one, as it does where it lies flat."""
-    _, arms = lowest_arms(body.record, np.array([state.phi - _FLAT, state.phi + _FLAT]))
-    flat = np.ptp(arms[:, 0]) > 4.0 * _FLAT * max(body.size, float(body.record["r"].max()))
+    arms = arms_beside(body, state.phi)
+    flat = np.ptp(arms[:, 0]) > 4.0 * FLAT * max(body.size, float(body.record["r"].max()))
     if flat and (state.v - arms[:, 0] * state.omega < 0.0).any():
         raise ValueError(
             f"state.phi = {phi!r}: the body comes down on two points at once there, and this is the impact of one; "

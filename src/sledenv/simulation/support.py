@@ -25,6 +25,7 @@ from sledenv.simulation.scene import Tracks, crests, tangents
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
+FLAT: Final = 1e-6  # [rad] by which a body may be turned and still lies flat
 _MANY_TURNS = 1e5  # [rad]
 _HALVINGS: Final = 60  # of the turn of a crest
 _PAIRS: Final = 1 << 14  # of a body and a piece that are looked at together
@@ -39,6 +40,14 @@ def lowest_arms(bodies: np.ndarray, phi: Floats) -> tuple[NDArray[np.int64], Flo
     arcs, arms = np.empty(len(phi), np.int64), np.empty((len(phi), 2))
     run_lowest(bodies, phi, arcs, arms)
     return arcs, arms
+
+
+def arms_beside(body: Body, phi: float) -> Floats:
+    """Arms a, b [m] of the lowest points just to both sides of an orientation [rad], shape (2, 2).
+
+    Where a body lies flat they are those of the ends of its side.
+    """
+    return lowest_arms(body.record, np.array([phi - FLAT, phi + FLAT]))[1]
 
 
 def support_height(body: Body, phi: float) -> float:
