@@ -22,8 +22,14 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
     before, after = (a - 1) % arcs, (a + 1) % arcs
     if side in (guards.FOOT_BEGIN, guards.FOOT_END):
         out = beyond(body, a, phi - pieces[j]["tilt"])
+        # On to the crest where the run of dips ends, to which the piece belongs.
         if side == guards.FOOT_END:
             j += 1
+            while pieces[j]["turn"] > 0.0:
+                j += 1
+        else:
+            while pieces[j]["turn"] > 0.0:
+                j -= 1
         # Where a side ends at the arc, the side slides over the crest.
         if out < 0 and body["smooth"][before] == 0.0:
             return SIDE_CREST, before, j

@@ -76,10 +76,12 @@ def lay(vertices: np.ndarray, pieces: np.ndarray) -> None:
                 piece["run_low"] = piece["run_high"] = math.inf
                 if first == 0:
                     piece["run_low"] = -math.inf
+                elif k == first:
+                    piece["run_low"] = piece["low"]
                 else:
-                    piece["run_low"] = min(piece["low"], along_piece(piece, begin["x"], begin["y"]))
+                    piece["run_low"] = along_piece(piece, begin["x"], begin["y"])
                 if j < n:
-                    piece["run_high"] = max(piece["high"], along_piece(piece, end["x"], end["y"]))
+                    piece["run_high"] = piece["high"] if k == j else along_piece(piece, end["x"], end["y"])
             first = j + 1
 
 

@@ -24,7 +24,7 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
 )
 # Ends of the feature of a contact, told as the side of an event FEATURE.
 (
-    FOOT_BEGIN,  # the foot of an arc comes to the crest where its piece begins,
+    FOOT_BEGIN,  # the foot of an arc comes to the crest where the run of its piece begins,
     FOOT_END,  # or to that where it ends
     ARC_LOW,  # a piece comes to an end of an arc that another arc joins
     ARC_HIGH,
@@ -204,8 +204,8 @@ def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, spa
     """Watch where an arc touches its piece, and which part of the arc does."""
     s, row, near = space["series"], space["terms"][0], AT_END * body["size"]
     a, j = contact["arc"], contact["piece"]
-    piece, last = pieces[j], pieces.shape[0] - 1
-    begins, ends = j > 0 and piece["turn"] < 0.0, j < last and pieces[min(j + 1, last)]["turn"] < 0.0
+    piece = pieces[j]
+    begins, ends = piece["run_low"] > -math.inf, piece["run_high"] < math.inf
     if begins or ends:
         tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
         for k in range(ORDER + 1):
@@ -213,9 +213,9 @@ def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, spa
             row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
         row[0] -= tx * piece["x"] + ty * piece["y"]
         if begins:
-            _watch_end(row, 1.0, -piece["low"], near, FEATURE, c, FOOT_BEGIN, space)
+            _watch_end(row, 1.0, -piece["run_low"], near, FEATURE, c, FOOT_BEGIN, space)
         if ends:
-            _watch_end(row, -1.0, piece["high"], near, FEATURE, c, FOOT_END, space)
+            _watch_end(row, -1.0, piece["run_high"], near, FEATURE, c, FOOT_END, space)
     arcs = int(body["arcs"])
     before = body["smooth"][(a - 1) % arcs] != 0.0
     if arcs > 1 and (before or body["smooth"][a] != 0.0):
