@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.arithmetic import sign_of
+from sledenv.kernel.arithmetic import angle_of, sign_of
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, mirrored
 from sledenv.kernel.mode import SHALLOW, all_friction
@@ -39,6 +39,10 @@ TIED: Final = 1e-13  # part of a time: events nearer than this are at the same t
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 STEADY_RATE: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
 AT_END: Final = 1e-11  # of the size, or [rad]: a feature as near as this to its end is there,
+# A crest is seen to come to an end of an arc by the sine of the angle up to there, which tells one end from the other
+# only within half a turn of each. No step turns the direction to a crest by as much as the second of these.
+FLAT_ARC: Final = 1.0  # [rad] half of an arc whose ends can both be watched
+OUT_OF_REACH: Final = 1.8  # [rad] an end that is further away is not
 RESTING: Final = 1e-6  # and stays there in a step that does not move it by more than this part of that
 
 
@@ -251,8 +255,12 @@ def _watch_crest(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.
     arcs = int(body["arcs"])
     if arcs == 1:
         return
-    cx, cy = body["cx"][a], body["cy"][a]
+    cx, cy, angle = body["cx"][a], body["cy"][a], 0.0
+    if body["half"][a] > FLAT_ARC:
+        angle = from_middle(body, a, angle_of(cx - terms["bx"][0], cy - terms["by"][0]))
     for end in range(2):  # the direction along the outline at each end of the arc
+        if body["half"][a] + (angle if end == 0 else -angle) > OUT_OF_REACH:
+            continue
         edge = a if end == 1 else (a - 1) % arcs
         dx, dy = body["oy"][edge], -body["ox"][edge]
         for k in range(ORDER + 1):
