@@ -353,16 +353,61 @@ def _write_signs(motion: np.void, contacts: np.void) -> None:
 
 
 @kernel
+def _speed_along(contacts: np.void, motion: np.void, what: int, c: int) -> float:
+    """Velocity [m/s, rad/s] of a contact, or the spin, as the motion of the body has it."""
+    r0, r1, r2 = _row(contacts, what, c)
+    return r0 * motion["u"] + r1 * motion["v"] + r2 * motion["omega"]  # type: ignore[no-any-return]
+
+
+@kernel
+def _change_motion(motion: np.void, contacts: np.void, du: float, dv: float, domega: float) -> None:
+    """Change the velocities of the body, and those of its contacts that are not zero: errors would add up."""
+    motion["u"], motion["v"], motion["omega"] = motion["u"] + du, motion["v"] + dv, motion["omega"] + domega
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        nx, ny = contact["nx"], contact["ny"]
+        if contact["gap_sign"] != 0:
+            contact["gap_rate"] += nx * du + ny * dv + contact["ln"] * domega
+        if contact["slip_sign"] != 0:
+            contact["slip"] += ny * du - nx * dv + contact["lt"] * domega
+
+
+@kernel
+def _heed_locks(body: np.void, least: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
+    """Take off the body what it moves along velocities that are locked, where that is less than ``least`` [m/s].
+
+    Rounding leaves it, and a hand-over to a normal that is nearly the same. It is no part of the motion: the forces of
+    the locks would do work on it.
+    """
+    for i in range(choice["locks"]):
+        what, c = choice["lock"][i]["what"], choice["lock"][i]["who"]
+        if what == SPIN:
+            continue
+        r0, r1, r2 = _row(contacts, what, c)
+        k0, k1, k2 = r0 * body["per_mass"], r1 * body["per_mass"], r2 * body["per_inertia"]
+        if contacts["spin_sign"] == 0:
+            k2 = 0.0
+        share = -_speed_along(contacts, motion, what, c) / (r0 * k0 + r1 * k1 + r2 * k2)
+        change = abs(share) * max(max(abs(k0), abs(k1)), body["size"] * abs(k2))
+        if 0.0 < change < least:
+            _change_motion(motion, contacts, share * k0, share * k1, share * k2)
+
+
+@kernel
 def _spread_zeros(
     body: np.void, slow: float, standing: float, motion: np.void, contacts: np.void, choice: np.void
 ) -> None:
     """Write signs of all velocities; what follows from velocities that are zero is made exactly zero before."""
     speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-    fast = max(speed, slow)
+    least = VANISHING * max(speed, slow)
     _write_signs(motion, contacts)
     find_locks(body, contacts, choice)
-    if choice["locks"] == 3 and speed > standing:
-        # Normals have jumped: the velocities of contacts are not those of one body.
+    apart, rigid = choice["locks"] == 3 and speed > standing, choice["rigid"] != 0.0
+    for i in range(choice["locks"]):
+        lock = choice["lock"][i]
+        if not rigid and lock["what"] != SPIN and abs(_speed_along(contacts, motion, lock["what"], lock["who"])) > least:
+            apart = True
+    if apart:  # normals have jumped: the velocities of contacts are not those of one body
         for c in range(contacts["count"]):
             contact = contacts["at"][c]
             contact["gap_rate"], contact["slip"] = velocities(motion, contact)
@@ -372,68 +417,20 @@ def _spread_zeros(
         return
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        small = abs(contact["gap_rate"]) < VANISHING * fast and contact["gap_sign"] != 0
+        small = abs(contact["gap_rate"]) < least and contact["gap_sign"] != 0
         if small and depends(body, contacts, choice, GAP, c):
             contact["gap_rate"], contact["gap_sign"] = 0.0, 0
-        small = abs(contact["slip"]) < VANISHING * fast and contact["slip_sign"] != 0
+        small = abs(contact["slip"]) < least and contact["slip_sign"] != 0
         if small and depends(body, contacts, choice, SLIP, c):
             contact["slip"], contact["slip_sign"] = 0.0, 0
-    small = abs(motion["omega"]) * body["size"] < VANISHING * fast and contacts["spin_sign"] != 0
+    small = abs(motion["omega"]) * body["size"] < least and contacts["spin_sign"] != 0
     if small and depends(body, contacts, choice, SPIN, 0):
-        _stop_spin(motion, contacts)
-    if choice["locks"] < 3:
-        _stop_creep(VANISHING * fast, motion, contacts, choice)
-    if choice["locks"] == 3:  # no motion is left but rounding
+        _change_motion(motion, contacts, 0.0, 0.0, -motion["omega"])
+        contacts["spin_sign"] = 0
+    if choice["locks"] < 3 and not (rigid and contacts["spin_sign"] != 0):
+        _heed_locks(body, least, motion, contacts, choice)
+    elif speed <= standing:  # no motion is left but rounding
         motion["u"] = motion["v"] = motion["omega"] = 0.0
-    elif motion["omega"] == 0.0 and choice["lock"][0]["what"] == GAP:
-        _slide(motion, contacts, choice)
-
-
-@kernel
-def _stop_spin(motion: np.void, contacts: np.void) -> None:
-    """Make a small spin zero, and the velocities of contacts those of the body without it: errors would add up."""
-    omega = motion["omega"]
-    for c in range(contacts["count"]):
-        contact = contacts["at"][c]
-        if contact["gap_sign"] != 0:
-            contact["gap_rate"] -= contact["ln"] * omega
-        if contact["slip_sign"] != 0:
-            contact["slip"] -= contact["lt"] * omega
-    motion["omega"], contacts["spin_sign"] = 0.0, 0
-
-
-@kernel
-def _stop_creep(least: float, motion: np.void, contacts: np.void, choice: np.void) -> None:
-    """Take off a slip of the body, less than ``least`` [m/s], where that of its contact is zero: as the spin above.
-
-    Of points that stick at different depths one holds the body and others follow; they take turns.
-    """
-    for i in range(choice["locks"]):
-        if choice["lock"][i]["what"] == SLIP:
-            one = contacts["at"][choice["lock"][i]["who"]]
-            nx, ny, slip = one["nx"], one["ny"], velocities(motion, one)[1]
-            if abs(slip) < least:
-                motion["u"], motion["v"] = motion["u"] - ny * slip, motion["v"] + nx * slip
-                for c in range(contacts["count"]):
-                    contact = contacts["at"][c]
-                    if contact["slip_sign"] != 0:
-                        contact["slip"] -= (ny * contact["ny"] + nx * contact["nx"]) * slip
-                    if contact["gap_sign"] != 0:
-                        contact["gap_rate"] -= (ny * contact["nx"] - nx * contact["ny"]) * slip
-            return
-
-
-@kernel
-def _slide(motion: np.void, contacts: np.void, choice: np.void) -> None:
-    """Take off what rounding has left of the velocity along normals whose gaps are locked, of a body without spin."""
-    u, v, one = motion["u"], motion["v"], contacts["at"][choice["lock"][0]["who"]]
-    rate = one["nx"] * u + one["ny"] * v
-    u, v = u - one["nx"] * rate, v - one["ny"] * rate
-    if choice["locks"] == 2 and choice["lock"][1]["what"] == GAP:
-        two = contacts["at"][choice["lock"][1]["who"]]
-        if abs(one["nx"] * two["ny"] - one["ny"] * two["nx"]) > DEPENDENT:
-            u = v = 0.0
-    motion["u"], motion["v"] = u, v
 
 
 @kernel
