@@ -84,6 +84,14 @@ SHARE: Final = np.dtype(  # of a contact
         *fields("i8", "gap_before slip_before"),
     ]
 )
+# Contacts that stand still: a corner of the sum of what they can give, see rest.py.
+CORNER: Final = np.dtype(
+    [
+        *fields("f8", "point", (3,)),  # [N / sqrt(kg)] wrench with the weight, in the norm of the inverse masses
+        *fields("f8", "part then moment"),  # [-] its part of the nearest point, and of the next; [N m] of rolling
+        *fields("f8", "normal force", (MOST_CONTACTS,)),  # [N] of each contact
+    ]
+)
 CHOICE: Final = np.dtype(
     [
         *fields("i8", "zeros locks spin_before"),
@@ -96,6 +104,9 @@ CHOICE: Final = np.dtype(
         ("determinant", "f8"),  # of the mobility of the locked velocities
         ("skew", "f8"),  # 1 if two locks are nearly the same, so that the inverse of that matrix is inaccurate
         ("rigid", "f8"),  # 1 of rigid surfaces: a gap is locked only if a load can open it
+        ("corners", "i8"),
+        ("corner", CORNER, (4,)),
+        ("missing", "f8", (3,)),  # [N / sqrt(kg)] of what would hold a body that stands still
     ]
 )
 

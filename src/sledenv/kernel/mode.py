@@ -16,6 +16,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, mirrored, place, velocities
 from sledenv.kernel.ground import are_rigid
+from sledenv.kernel.rest import hold
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
 UNRESISTED: Final = 2  # a spin that is still without rolling resistance: its sign means nothing
@@ -604,6 +605,20 @@ def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.
 
 
 @kernel
+def _begin_to_move(body: np.void, contacts: np.void, choice: np.void) -> None:
+    """Let the mode that is tried first be that in which a body starts which its contacts do not hold."""
+    per_mass, per_inertia, missing = math.sqrt(body["per_mass"]), math.sqrt(body["per_inertia"]), choice["missing"]
+    du, dv, domega = missing[0] * per_mass, missing[1] * per_mass, missing[2] * per_inertia
+    least = NEARLY * max(abs(du), abs(dv), body["size"] * abs(domega))
+    for i in range(choice["zeros"]):
+        zero = choice["zero"][i]
+        r0, r1, r2 = _row(contacts, zero["what"], zero["who"])
+        rate = r0 * du + r1 * dv + r2 * domega
+        scale = body["size"] if zero["what"] == SPIN else 1.0
+        zero["before"] = sign_of(rate) if abs(rate) * scale > least else 0
+
+
+@kernel
 def _speed_scale(body: np.void, slope: Any, contacts: np.void) -> float:
     """Speed [m/s] that a fall of one size gives, and the springs as far as they are pressed."""
     speed = math.sqrt(slope.gravity * body["size"])
@@ -655,8 +670,11 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
                 _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
         side = mirrored(motion)
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
-            wrong = _search(body, slope, still, True, side, contacts, choice)
-            if wrong <= SLIGHT * choice["scale"]:
+            if choice["zeros"] > MOST_TRIED and choice["rigid"] == 0.0:
+                if hold(body, slope, contacts, choice):
+                    return True
+                _begin_to_move(body, contacts, choice)
+            elif _search(body, slope, still, True, side, contacts, choice) <= SLIGHT * choice["scale"]:
                 _settle(body, slope, still, motion["omega"], contacts, choice)
                 return True
         _search(body, slope, still, False, side, contacts, choice)
