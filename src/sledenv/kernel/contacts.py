@@ -173,6 +173,8 @@ SPACE: Final = np.dtype(
         ("undecided", "f8"),  # 1 if the mode is to be chosen
         ("stalled", "f8"),  # events in a row without any progress in time,
         ("forced", "f8"),  # and the part of a step that is then taken in spite of them
+        ("marked", "f8"),  # [s] time at which it was last seen that the descent gets on,
+        ("marked_steps", "i8"),  # and the steps in contact up to then
         ("frozen", "f8"),  # 1 in an impact of several points: all stands still but velocities and depths
         ("lifted", "f8"),  # 1 if a rigid contact has ended with a load of zero, and no time has passed since
         ("strikes", "f8"),  # impacts of rigid surfaces in this rebound

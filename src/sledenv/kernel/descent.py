@@ -45,6 +45,7 @@ from sledenv.kernel.strike import drop_moving, most_normal, pressing, put_on, st
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
+STEPS_OF_A_SWING: Final = 4000  # in which a descent gets on by one swing of its springs, or ends
 AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no progress
 SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
 FASTER: Final = 8.0
@@ -67,6 +68,7 @@ def take_up(flight: np.void, space: np.void) -> None:
     space["contacts"]["count"] = 0
     space["stalled"], space["forced"], space["frozen"], space["lifted"] = 0.0, SMALL, 0.0, 0.0
     space["undecided"] = 1.0
+    space["marked"], space["marked_steps"] = flight["t"], flight["steps"]
 
 
 @kernel
@@ -94,10 +96,26 @@ def _stop(
 
 
 @kernel
+def _gets_on(body: np.void, flight: np.void, space: np.void) -> bool:
+    """Whether the last so many steps in contact were together longer than a swing of the body on its stiffest spring.
+
+    A step is some tenth of a swing. Where events follow one another without an end, steps become ever shorter.
+    """
+    if flight["steps"] - space["marked_steps"] < STEPS_OF_A_SWING:
+        return True
+    stiffest, contacts = 0.0, space["contacts"]
+    for c in range(contacts["count"]):
+        stiffest = max(stiffest, contacts["at"][c]["closing"])
+    passed = space["motion"]["t"] - space["marked"]
+    space["marked"], space["marked_steps"] = space["motion"]["t"], flight["steps"]
+    return bool(passed > 0.0 and passed * math.sqrt(stiffest * body["per_mass"]) > 2.0 * math.pi)
+
+
+@kernel
 def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, space: np.void) -> int:
     """Choose the mode of the contacts, if anything has changed; return the status, RUNNING if the body moves on."""
     contacts = space["contacts"]
-    if flight["steps"] >= limits.max_steps:
+    if flight["steps"] >= limits.max_steps or not _gets_on(body, flight, space):
         return STEP_BUDGET
     flight["steps"] += 1
     if space["undecided"] == 0.0:

@@ -24,7 +24,7 @@ class Status(StrEnum):
     TUMBLED = "tumbled"  # the body lay on its chord, or a part of it touched, where the descent was to end
     TIMEOUT = "timeout"  # max_time elapsed
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
-    STEP_BUDGET = "step_budget"  # max_steps integration steps were spent
+    STEP_BUDGET = "step_budget"  # max_steps integration steps were spent, or some thousand without getting on
     NON_FINITE = "non_finite"  # a state overflowed or was not a number
     BURIED = "buried"  # pressed so deep into a soft slope that the model of the contact ends
 
