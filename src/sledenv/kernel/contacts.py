@@ -46,7 +46,9 @@ CONTACT: Final = np.dtype(
         *fields("f8", "push_x push_y push_s push_c"),  # what 1 N of load adds to fx, fy, gs and gc, with its friction
         ("stiffness", "f8"),  # [N/m] in its mode, 0 where the gap is locked
         ("pull", "f8"),  # [-] tangential force over load while it slips
-        ("deeper", "f8"),  # [m] how much deeper than its gap a crest lies under a side: the depth at which they began
+        # [m] how much deeper its features are in each other than its spring is pressed: the depth at which they began, or
+        # less than zero of two contacts that have become one
+        ("deeper", "f8"),
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
         ("opening", "f8"),  # [N/m] and while it opens
         ("friction", "f8"),  # [-]

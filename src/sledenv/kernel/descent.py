@@ -24,7 +24,7 @@ from sledenv.kernel.carry import carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import pass_on
-from sledenv.kernel.geometry import heights_within, place
+from sledenv.kernel.geometry import height_at, heights_within, place
 from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
@@ -53,6 +53,8 @@ LARGEST: Final = 1e-4
 FAR: Final = 1e3  # times what is left: how long a step may be that is cut off there
 NEAR: Final = 0.3  # sizes that a step of a flight near a profile goes, for few pieces lie under it,
 AHEAD: Final = 2.0  # and as far as the body is above all of the profile that lies within so many sizes of it
+DEEPEST: Final = 0.25  # of the size: how deep a point of the body may be in the ground
+THIN: Final = 0.05  # of the size: height of the mass centre of a body that lies, below which that is thin
 CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
 AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
 LONG_FLIGHT: Final = -2  # the flight under way is long enough for a trim
@@ -140,6 +142,24 @@ def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, f
 
 
 @kernel
+def _is_buried(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
+    """Whether a point of the body is deeper in a profile than contacts may be pressed, or its mass centre is under it.
+
+    The mass centre of a thin body comes as near to the ground as its springs let: it may be under it by a little. On a
+    plane springs may be pressed as deep as they are: there it is one line that bounds the ground.
+    """
+    if pieces.shape[0] == 1:
+        return False
+    motion, contacts, size = space["motion"], space["contacts"], body["size"]
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        if contact["deeper"] - contact["gap"] > DEEPEST * size:
+            return True
+    above = motion["y"] - height_at(pieces, motion["x"])
+    return bool(above < -max(THIN * size - body["lowest"], 0.0))
+
+
+@kernel
 def _longest_flight(pieces: np.ndarray, slope: Incline, motion: np.void, size: float) -> float:
     """How long [s] a step of a flight may be: until the body is below the plane, and over a profile not far."""
     longest, v = math.inf, motion["v"]
@@ -161,6 +181,11 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
     left = limits.max_time - motion["t"]
     if space["contacts"]["count"] == 0:
         longest = min(longest, _longest_flight(pieces, slope, motion, size))
+    elif pieces.shape[0] > 1:  # it is seen when a body is buried
+        for c in range(space["contacts"]["count"]):
+            closing = -space["contacts"]["at"][c]["gap_rate"]
+            if closing > 0.0:
+                longest = min(longest, DEEPEST * size / closing)
     event["code"], event["time"] = guards.NOTHING, longest if longest < FAR * left else left
     event["longest"] = event["time"]
     s = space["series"]
@@ -413,6 +438,8 @@ def _step(
         return STEP_BUDGET
     if contacts["count"] > 0:
         status = _decide(body, pieces, slope, limits, flight, space)
+        if status in (RUNNING, JAMMED) and _is_buried(body, pieces, space):
+            return BURIED
         if status == RUNNING and rigid and space["undecided"] != 0.0:
             status = _hold(body, pieces, slope, limits, flight, log, space)
         if status != RUNNING:

@@ -105,6 +105,12 @@ def first_piece(pieces: np.ndarray, x: float) -> int:
 
 
 @kernel
+def height_at(pieces: np.ndarray, x: float) -> float:
+    """Height [m] of the ground at a place along the plane."""
+    return _height(pieces[first_piece(pieces, x)], x)
+
+
+@kernel
 def heights_within(pieces: np.ndarray, x: float, reach: float) -> tuple[float, float]:
     """Lowest and highest height [m] of the ground within ``reach`` [m] of a place along the plane."""
     j = first_piece(pieces, x - reach)
@@ -145,7 +151,7 @@ def mirrored(motion: np.void) -> int:
 
 @kernel
 def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
-    """Write normal and levers of a contact where the body is."""
+    """Write normal and levers of a contact where the body is, and how much deeper it is than its gap tells."""
     a = contact["arc"]
     piece = pieces[contact["piece"]]
     s, cosine = motion["sine"], motion["cosine"]
@@ -155,17 +161,20 @@ def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) 
         nx, ny = -(cosine * ox - s * oy), -(s * ox + cosine * oy)
         gap = ox * (cosine * px + s * py - body["sx"][a]) + oy * (cosine * py - s * px - body["sy"][a])
         lx, ly = px + gap * nx, py + gap * ny
-        contact["deeper"] = contact["gap"] - gap
     else:
         cx, cy = body["cx"][a], body["cy"][a]
         rx, ry = cosine * cx - s * cy, s * cx + cosine * cy
-        nx, ny = -piece["ty"], piece["tx"]
+        ex, ey = rx - px, ry - py
         if contact["kind"] == ARC_CREST:
-            ex, ey = rx - px, ry - py
             distance = math.sqrt(ex * ex + ey * ey)
             nx, ny = ex / distance, ey / distance
+        else:
+            nx, ny = -piece["ty"], piece["tx"]
+            distance = nx * ex + ny * ey
+        gap = distance - body["r"][a]
         lx, ly = rx - body["r"][a] * nx, ry - body["r"][a] * ny
         contact["gs"], contact["gc"] = ny * cx - nx * cy, nx * cx + ny * cy
+    contact["deeper"] = contact["gap"] - gap
     contact["nx"], contact["ny"] = nx, ny
     contact["ln"], contact["lt"] = lx * ny - ly * nx, -(lx * nx + ly * ny)
 
