@@ -24,6 +24,7 @@ MOST_STEPS: Final = 2000
 PACE: Final = 100.0  # sizes over the speed of approach: how fast the springs swing
 SOON: Final = 1e-9  # of the time of a swing: springs begin as deep as they are then, so that their loads compare
 LEAST_TERM: Final = 1e-15  # of the speed of approach: the last terms of a step
+PLASTIC: Final = 1e-7  # restitution below which what several points give back is lost in rounding: they give nothing
 _NO_GRAVITY: Final = Incline(0.0, 0.0, 0.0, 0.0)
 LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
 
@@ -32,7 +33,9 @@ LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
 def _press(body: np.void, spring: float, plastic: bool, space: np.void, c: int) -> None:
     """Let a point press on its spring."""
     contact, ground = space["contacts"]["at"][c], space["ground"]
-    restitution = 0.0 if plastic else ground["restitution"][contact["zone"]]
+    restitution = ground["restitution"][contact["zone"]]
+    if plastic or restitution < PLASTIC:
+        restitution = 0.0
     write_surface(body, ground, contact)
     contact["closing"], contact["opening"] = spring, restitution * restitution * spring
 
