@@ -133,3 +133,30 @@ def test_a_tiny_restitution_is_none_where_rigid_surfaces_touch_flat(restitution:
     )
     assert tiny.status == "jammed"
     same_bits(plastic.rebounds, tiny.rebounds)
+
+
+@pytest.mark.parametrize("depth", [0.02, 0.029, 0.031, 0.05])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_contact_goes_on_over_a_crest_that_is_deeper_than_its_arc_is_round(depth: float, side: float) -> None:
+    """Oracle: a crate that slides 2 to 5 cm deep in plastic ground leaves it where the crest is; its corner has 3 cm.
+
+    Plastic ground gives nothing back: the crate keeps its depth up to there, and its velocity.
+    """
+    crate = sledenv.polygon(50.0, [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.03)
+    law = sledenv.ContactLaw(1e5, 1.0 - 1e-6, 0.0, 0.0)
+    speed = depth * math.sqrt(2e5 / 50.0)
+    crest = [(-4.0, -2.0), (0.0, 0.0), (4.0, -2.0)]
+    slope = sledenv.Slope(0.0, profile=[(side * x, y) for x, y in crest[:: int(side)]])
+    turn = side * math.atan(0.5)
+    # Its corner points along the normal of the face before the crest; it moves up that face, and into it.
+    phi = turn + side * math.pi / 4.0
+    along, normal = np.array([math.cos(turn), math.sin(turn)]), np.array([-math.sin(turn), math.cos(turn)])
+    centre = -1.2 * side * along + (0.03 + 0.47 * math.sqrt(2.0)) * normal
+    velocity = 6.0 * side * along - speed * normal
+    descent = sledenv.simulate(
+        crate, law, slope, sledenv.State(*centre, phi, *velocity), max_time=0.5, max_rebounds=1, record="trajectory"
+    )
+    assert descent.status == "log_full"
+    assert descent.rebounds["peak_penetration"][0] > 0.6 * depth
+    assert side * descent.state.x > -0.5
+    assert abs(descent.energy.residual) < 1e-9 * descent.energy.turnover

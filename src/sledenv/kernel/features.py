@@ -54,17 +54,48 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
 
 
 @kernel
+def _beyond_centre(body: np.void, piece: np.void, motion: np.void, a: int, nx: float, ny: float) -> bool:
+    """Whether a crest lies as deep in the body as the centre of an arc, or deeper, seen along a normal."""
+    s, c, cx, cy = motion["sine"], motion["cosine"], body["cx"][a], body["cy"][a]
+    x, y = motion["x"] + c * cx - s * cy - piece["x"], motion["y"] + s * cx + c * cy - piece["y"]
+    return bool(not nx * x + ny * y > 0.0)
+
+
+@kernel
+def _past_centre(
+    body: np.void, pieces: np.ndarray, phi: float, a: int, j: int, sense: int
+) -> tuple[int, int, int]:
+    """Kind, arc and piece with which a contact goes on where a crest would pass behind the centre of an arc.
+
+    There the normal has no place on the arc to stay: it goes on, in its ``sense`` of turn, to the end of the arc or to
+    the normal of the piece across the crest, whichever comes first.
+    """
+    arcs = np.int64(body["arcs"])
+    edge = a if sense > 0 else (a - 1) % arcs
+    across = j if sense > 0 else j - 1
+    if arcs == 1 or beyond(body, a, phi - pieces[across]["tilt"]) != sense:
+        return ARC_PIECE, a, across
+    if body["smooth"][edge] == 0.0:
+        return SIDE_CREST, edge, j
+    return ARC_CREST, (a + sense) % arcs, j
+
+
+@kernel
 def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int) -> bool:
     """Let a contact go on with the feature behind an end of its own; return whether it can.
 
     Gap, gap rate and slip go on, but where the normal jumps, rate and slip are formed anew. A contact cannot go on
-    where a crest is deeper in the body than the radius of the arc that it passes to: the normal would turn over.
+    where the normal would turn over.
     """
     contacts, motion = space["contacts"], space["motion"]
     contact = contacts["at"][c]
     kind, a, j = _next_feature(body, pieces, motion["phi"], contact, side)
     place(body, pieces, motion, contact)
     nx, ny = contact["nx"], contact["ny"]
+    sense = 1 if side in (guards.FOOT_END, guards.CREST_HIGH, guards.SIDE_END) else -1
+    for _ in range(np.int64(body["arcs"])):
+        if kind == ARC_CREST and _beyond_centre(body, pieces[j], motion, a, nx, ny):
+            kind, a, j = _past_centre(body, pieces, motion["phi"], a, j, sense)
     contact["kind"], contact["arc"], contact["piece"] = kind, a, j
     place(body, pieces, motion, contact)
     write_surface(body, space["ground"], contact)
