@@ -1,0 +1,484 @@
+"""Random descents under audit; and the audit itself: its geometry, and whether it finds faults that are planted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import njit
+
+import sledenv
+from tests import audit_rows as rows
+from tests.audit import SLOW, audit, audited, look, of_rows, retell, survey
+from tests.audit_geometry import (
+    BX,
+    CENTRE,
+    CREST,
+    OUTLINE,
+    ROUNDEST,
+    SIDE,
+    clearance,
+    deeper,
+    ground_of,
+    height_at,
+    leave,
+    measure_all,
+    outline_of,
+    outside,
+    touching_height,
+)
+from tests.profile_springs import resting_height
+from tests.profiles import BODIES as PLAIN_BODIES
+from tests.profiles import Profile, bumps, dips, hills
+from tests.rough_grounds import BODIES, GROUNDS, LAUNCHES, code_of, rough_case
+
+pytestmark = pytest.mark.jit_only
+
+FAST, MANY = 31, 32  # seeds
+
+
+# Random descents.
+
+
+def faulty(seed: int, numbers: range, **options: Any) -> list[str]:
+    """Return what is wrong with descents."""
+    found = []
+    for number in numbers:
+        case = rough_case(seed, number)
+        faults = audited(case, **options).faults
+        found += [f"{case.name}: {'; '.join(map(str, faults))}"] if faults else []
+    return found
+
+
+@pytest.mark.parametrize("chunk", range(20))
+def test_descents_have_no_fault(chunk: int) -> None:
+    """Oracle: geometry, Newton's law and the law of the contact, tests/audit.py."""
+    assert faulty(FAST, range(50 * chunk, 50 * (chunk + 1))) == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("chunk", range(60))
+def test_many_descents_have_no_fault(chunk: int) -> None:
+    """Oracle: geometry, Newton's law and the law of the contact, tests/audit.py; none takes seconds."""
+    assert faulty(MANY, range(500 * chunk, 500 * (chunk + 1)), most_steps=2000, seconds=SLOW) == []
+
+
+def test_a_case_can_be_told_as_code() -> None:
+    """Oracle: the code, run, makes the same body, law, slope and launch; each number has a case of its own."""
+    for number in range(40):
+        case = rough_case(5, number)
+        told: dict[str, Any] = {}
+        exec(code_of(case), told)  # its own text
+        assert [told[name] for name in ("body", "law", "slope", "launch")] == list(case[1:])
+    assert rough_case(5, 3) == rough_case(5, 3) != rough_case(5, 4)
+    assert "sled, hills" in rough_case(5, 3, ground="hills", body="sled").name
+
+
+def test_cases_are_of_all_kinds() -> None:
+    """Oracle: the names of bodies, grounds and launches; bodies lie on the ground or above it."""
+    drawn = Counter[str]()
+    for number in range(300):
+        case = rough_case(6, number)
+        drawn.update(case.name.split(", ")[:3])
+        touching = touching_height(case.body, case.slope.profile, case.launch.x, case.launch.phi)
+        assert case.launch.y >= touching - 1e-12, case.name
+    assert set(drawn) == {*BODIES, *GROUNDS, *LAUNCHES}
+
+
+def test_what_is_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: the words of the script."""
+    survey(range(3), 1, {"ground": "plane", "body": "disc"}, 100)
+    assert "of 3 descents have faults" in capsys.readouterr().out
+    retell(rough_case(1, 0, ground="plane", body="disc"), 100, 0)
+    told = capsys.readouterr().out
+    assert "body = Segment" in told
+    assert "row 0  t 0" in told
+
+
+# Faults that are planted.
+
+
+@cache
+def ride() -> sledenv.Descent:
+    """Return a crate that slides, tumbles and flies over a bump and comes to rest in a dip."""
+    corners = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
+    law = sledenv.ContactLaw.from_restitution(
+        0.5, stiffness=1e6, friction=0.3, rolling_arm=0.002, corner_rolling_arm=0.002
+    )
+    profile = [(1.0, 0.0), (2.0, 0.3), (2.5, 0.3), (4.0, -0.1), (5.0, 0.1), (6.5, 0.0)]
+    slope, launch = sledenv.Slope(0.2, 20.0, profile=profile), sledenv.State(0.0, 0.6, 0.3, 4.0, -1.0, 2.0)
+    crate = sledenv.polygon(12.0, corners, rounding=0.03)
+    return sledenv.simulate(crate, law, slope, launch, max_time=3.0, record="trajectory")
+
+
+def alone(trajectory: np.ndarray) -> np.ndarray:
+    """Which rows have one contact that slides under load."""
+    return np.asarray((trajectory["touching"] == 1) & (trajectory["slip"] != 0) & (trajectory["normal"] > 50.0))
+
+
+def begins(trajectory: np.ndarray, count: int) -> int:
+    """Return a row in which a step begins after a step, both with so many contacts under load."""
+    t, touching, load = trajectory["t"], trajectory["touching"], trajectory["contacts"]["normal"]
+    goes_on = (t[1:] == t[:-1]) & (touching[1:] == count) & (touching[:-1] == count)
+    loaded = (load[1:, :count] > 20.0).all(axis=1) & (load[:-1, :count] > 20.0).all(axis=1)
+    known = ~np.isnan(look(ride()).offsets[:, :count]).any(axis=1)
+    return int(np.flatnonzero(goes_on & loaded & known[1:] & known[:-1])[0]) + 1
+
+
+def scale(trajectory: np.ndarray, which: Any, name: str, factor: float) -> None:
+    """Scale forces of contacts, and their sum."""
+    trajectory["contacts"][name][which] *= factor
+    trajectory[name] = trajectory["contacts"][name].sum(axis=1)
+
+
+def lift(t: np.ndarray) -> None:
+    t["y"][t["touching"] > 0] += 0.003
+
+
+def sink(t: np.ndarray) -> None:
+    t["y"][t["touching"] > 0] -= 0.003
+
+
+def sink_deep(t: np.ndarray) -> None:
+    t["y"] -= 0.15
+
+
+def sink_in_flight(t: np.ndarray) -> None:
+    t["y"][np.flatnonzero((t["touching"][:-1] == 0) & (t["touching"][1:] > 0))] -= 0.1
+
+
+def move_points_up(t: np.ndarray) -> None:
+    t["contacts"]["y"][alone(t)] += 1e-6
+
+
+def move_points_down(t: np.ndarray) -> None:
+    t["contacts"]["y"][alone(t)] -= 1e-3
+
+
+def move_points_along(t: np.ndarray) -> None:
+    t["contacts"]["x"][alone(t)] += 1e-5
+
+
+def turn_normals(t: np.ndarray) -> None:
+    which = alone(t) & (t["contacts"]["normal_x"][:, 0] == 0.0)
+    t["contacts"]["normal_x"][which] = 1e-6
+
+
+def pull(t: np.ndarray) -> None:
+    scale(t, np.flatnonzero(alone(t))[:5], "normal", -1.0)
+
+
+def press(t: np.ndarray) -> None:
+    scale(t, alone(t), "normal", 1.001)
+
+
+def rub(t: np.ndarray) -> None:
+    scale(t, alone(t), "tangential", 1.01)
+
+
+def drive(t: np.ndarray) -> None:
+    scale(t, alone(t), "tangential", -1.0)
+
+
+def roll(t: np.ndarray) -> None:
+    t["rolling"][alone(t)] *= 1.01
+
+
+def drive_rolling(t: np.ndarray) -> None:
+    t["rolling"][alone(t) & (np.abs(t["omega"]) > 0.1)] *= -1.0
+
+
+def press_once(t: np.ndarray) -> None:
+    scale(t, (begins(t, 2) + 4, 0), "normal", 1.0001)
+
+
+def press_a_step(t: np.ndarray) -> None:
+    first = begins(t, 2)
+    scale(t, slice(first, first + 9), "normal", 0.95)
+
+
+def rub_less_for_a_step(t: np.ndarray) -> None:
+    first = begins(t, 1)
+    scale(t, slice(first, first + 9), "tangential", 0.9)
+
+
+def move_aside(t: np.ndarray) -> None:
+    t["x"][begins(t, 1) + 4] += 1e-8
+
+
+def push_in_flight(t: np.ndarray) -> None:
+    flying = t["touching"] == 0
+    t["u"][np.flatnonzero(flying[1:-1] & flying[:-2] & flying[2:])[0] + 1 :] += 1e-4
+
+
+def stop_dead(t: np.ndarray) -> None:
+    first = begins(t, 1)
+    t["u"][first : first + 9] = 0.0
+
+
+def jump(t: np.ndarray) -> None:
+    t["x"][begins(t, 1) :] += 1e-6
+
+
+def speed_up(t: np.ndarray) -> None:
+    t["u"][t["t"] > 1.0] *= 1.1
+
+
+def go_back(t: np.ndarray) -> None:
+    t["t"][100] -= 1e-3
+
+
+def lose_count(t: np.ndarray) -> None:
+    t["normal"][100] += 0.1
+
+
+def overflow(t: np.ndarray) -> None:
+    t["u"][100] = math.inf
+
+
+PLANTED: dict[str, tuple[Callable[[np.ndarray], None], str]] = {
+    "the body is lifted by 3 mm": (lift, "spring"),
+    "the body is sunk by 3 mm": (sink, "depth"),
+    "the body is sunk by more than a quarter of its size": (sink_deep, "not buried"),
+    "the body is in the ground before it touches": (sink_in_flight, "depth in flight"),
+    "points touch above the ground": (move_points_up, "air"),
+    "points touch under the ground": (move_points_down, "under the ground"),
+    "points touch where the body is not": (move_points_along, "outline"),
+    "normals are turned": (turn_normals, "normal"),
+    "a load pulls": (pull, "pull"),
+    "a load is more than its spring gives": (press, "spring"),
+    "friction is larger by 1 %": (rub, "friction"),
+    "friction drives": (drive, "driving friction"),
+    "rolling resistance is larger by 1 %": (roll, "rolling"),
+    "rolling resistance drives": (drive_rolling, "driving friction"),
+    "one of two loads is off in one row": (press_once, "spring in a step"),
+    "two springs give way at once": (press_a_step, "springs at once"),
+    "friction does not move the body": (rub_less_for_a_step, "forces"),
+    "a place is off by 10 nm in one row": (move_aside, "velocities"),
+    "a body is pushed in flight": (push_in_flight, "forces"),
+    "a body stops dead": (stop_dead, "jump of velocity"),
+    "a body jumps by a micrometre": (jump, "jump of place"),
+    "energy is won": (speed_up, "energy"),
+    "time runs backwards": (go_back, "time"),
+    "loads and their sum differ": (lose_count, "sums"),
+    "a velocity overflows": (overflow, "not finite"),
+}
+
+
+def kinds(descent: sledenv.Descent, **changes: Any) -> set[str]:
+    """Return the kinds of faults that are found in a descent after some changes."""
+    return {fault.kind for fault in audit(dataclasses.replace(descent, **changes)).faults}
+
+
+def test_a_good_descent_has_no_fault() -> None:
+    """Oracle: a crate that slides, tumbles, flies, and rests with three contacts."""
+    found = audit(ride())
+    assert found.faults == []
+    assert found.counts["rows"] == len(ride().trajectory) > 1000
+    assert set(ride().trajectory["touching"].tolist()) == {0, 1, 2, 3}
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_fault_is_found(name: str) -> None:
+    """Oracle: a good descent, with what is planted in its trajectory."""
+    plant, kind = PLANTED[name]
+    trajectory = ride().trajectory.copy()
+    plant(trajectory)
+    assert kind in kinds(ride(), trajectory=trajectory)
+
+
+def test_the_end_of_a_descent_is_audited() -> None:
+    """Oracle: a good descent with another end."""
+    descent, energy = ride(), ride().energy
+    sunk = descent.trajectory.copy()
+    sunk["y"][-1] -= 0.01
+    assert kinds(descent, status=sledenv.Status.STEP_BUDGET) == {"step_budget"}
+    assert kinds(descent, status=sledenv.Status.BURIED) == {"buried too early"}
+    assert "finish under the ground" in kinds(descent, status=sledenv.Status.FINISH, trajectory=sunk)
+    assert kinds(descent, energy=energy._replace(sliding=energy.sliding + 1e-5)) == {"ledger"}
+    assert "loss below zero" in kinds(descent, energy=energy._replace(rolling=-1e-6))
+    assert "energy of the state" in kinds(descent, energy=energy._replace(kinetic=energy.kinetic + 1e-3))
+    assert kinds(descent, state=sledenv.State.found([math.nan] * 6)) == {"not finite"}
+
+
+def explained(touching: tuple[int, int], before: float, now: float, depth: float) -> list[float]:
+    """Return how much deeper an outline is in the second of two rows than springs explain, and whether that counts."""
+    found, offsets = np.zeros((2, rows.COLUMNS)), np.full((2, rows.MOST), math.nan)
+    for row, pressed, deep in ((0, before, before), (1, now, depth)):
+        found[row, [OUTLINE, rows.PRESSED, rows.SPRINGS]] = deep, pressed, pressed
+    out = np.zeros((2, rows.ALLOWED))
+    contacts = np.zeros((2, rows.MOST, 6))
+    rows.explain(np.array([0.0, 1.0]), np.array(touching), contacts, found, offsets, 1e-9, np.array([0, 1]), out)
+    return [float(out[1, rows.TOO_DEEP]), float(out[1, rows.EXPLAINED])]
+
+
+def test_a_depth_is_explained_by_how_deep_springs_have_been_pressed() -> None:
+    """Oracle: springs pressed by 0.3 mm, then by 0.2 mm: 0.2 mm, 0.4 mm and 0.6 mm of depth."""
+    assert explained((2, 1), 3e-4, 2e-4, 2e-4) == pytest.approx([-3.06e-4, 0.0])
+    assert explained((2, 1), 3e-4, 2e-4, 4e-4) == pytest.approx([-1.06e-4, 1.0])
+    assert explained((2, 1), 3e-4, 2e-4, 6e-4) == pytest.approx([0.94e-4, 1.0])
+    assert explained((0, 1), 0.0, 2e-4, 4e-4) == pytest.approx([-0.04e-4, 1.0])
+
+
+# Geometry.
+
+LEVEL: Profile = [(0.0, 0.0), (1.0, 0.0)]
+DISC, ROD = sledenv.disc(2.0, 0.3), sledenv.rod(2.0, 1.0, 0.2)
+
+
+def measured(body: sledenv.Body, profile: Profile, pose: tuple[float, ...], radii: list[float] | None = None) -> Any:
+    """Return how deep the outline, crests and the mass centre are."""
+    out = np.zeros((1, 3))
+    measure_all(*outline_of(body), *ground_of(profile, radii), body.size, np.array([pose]), out)
+    return out[0]
+
+
+def test_depths_of_simple_bodies_are_closed_forms() -> None:
+    """Oracle: a disc of 0.3 m and a rod of 1 m on level ground, on a crest, in a dip, on a round crest and dip."""
+    turn, sunk = 0.3, 0.01
+    roof = [(-5.0, -5.0 * math.tan(turn)), (0.0, 0.0), (5.0, -5.0 * math.tan(turn))]
+    valley = [(x, -y) for x, y in roof]
+    assert measured(DISC, LEVEL, (0.5, 0.3 - sunk, 1.0)) == pytest.approx([sunk, 0.0, sunk - 0.3])
+    assert measured(DISC, [], (0.5, 0.3 - sunk, 1.0)) == pytest.approx([sunk, 0.0, sunk - 0.3])
+    assert measured(DISC, LEVEL, (0.5, 0.31, 1.0)) == pytest.approx([0.0, 0.0, -0.31])
+    assert measured(ROD, LEVEL, (0.5, 0.1 - sunk, 0.0)) == pytest.approx([sunk, 0.0, sunk - 0.1])
+    assert measured(ROD, LEVEL, (0.5, 0.4, 0.5 * math.pi + 0.2))[0] == pytest.approx(0.4 * math.cos(0.2) - 0.3)
+    assert measured(DISC, roof, (0.0, 0.3 - sunk, 1.0))[CREST] == pytest.approx(sunk)
+    assert measured(ROD, roof, (0.2, 0.1 - sunk, 0.0))[CREST] == pytest.approx(sunk)
+    height = 0.3 / math.cos(turn)
+    assert measured(DISC, valley, (0.0, height - sunk, 0.0)) == pytest.approx(
+        [sunk * math.cos(turn), 0.0, (sunk - height) * math.cos(turn)]
+    )
+    up = 2.0 / math.cos(turn)  # of the centre of a bend of 2 m from its vertex
+    radii = [0.0, 2.0, 0.0]
+    for x in (0.0, 0.3):
+        y = math.sqrt((2.3 - sunk) ** 2 - x * x) - up
+        assert measured(DISC, roof, (x, y, 0.0), radii) == pytest.approx([sunk, sunk, sunk - 0.3])
+        y = up - math.sqrt((1.7 + sunk) ** 2 - x * x)
+        assert measured(DISC, valley, (x, y, 0.0), radii) == pytest.approx([sunk, 0.0, sunk - 0.3])
+
+
+@pytest.mark.parametrize("convex", [True, False])
+def test_a_contact_on_a_bend_is_understood(convex: bool) -> None:
+    """Oracle: a disc pressed by 0.1 mm into a round crest or dip of 2 m; on sharp ground it would touch nothing."""
+    turn, sunk, sign = 0.3, 1e-4, 1.0 if convex else -1.0
+    profile = [(-5.0, -5.0 * sign * math.tan(turn)), (0.0, 0.0), (5.0, -5.0 * sign * math.tan(turn))]
+    centre, away = -2.0 * sign / math.cos(turn), 2.0 + sign * (0.3 - sunk)
+    row = np.zeros(1, ride().trajectory.dtype)
+    nx = 0.1 * sign
+    ny = math.sqrt(1.0 - nx * nx)
+    row["x"], row["y"], row["touching"] = sign * away * nx, centre + sign * away * ny, 1
+    row["contacts"][0, 0] = 2.0 * sign * nx, centre + 2.0 * sign * ny, nx, ny, 1e6 * sunk, 0.0, 1, 3
+    row["normal"] = 1e6 * sunk
+    law, slope = sledenv.ContactLaw(1e6, 0.0, 0.3, 0.0), sledenv.Slope(0.0, profile=profile)
+    descent = dataclasses.replace(ride(), body=DISC, law=law, slope=slope, trajectory=row)
+    of_contact = {"air", "under the ground", "outline", "normal", "spring", "depth", "pull"}
+    found = {fault.kind for fault in of_rows(descent, look(descent, [0.0, 2.0, 0.0]))}
+    assert found & of_contact == set()
+    found = {fault.kind for fault in of_rows(descent, look(descent))}
+    assert found >= ({"normal", "under the ground"} if convex else {"normal", "air"})
+
+
+def test_points_lie_inside_and_outside_of_a_rod() -> None:
+    """Oracle: a stadium, two half circles of 0.1 m around points 0.4 m from its middle."""
+    arcs = outline_of(ROD).arcs
+    for x, y, distance in [
+        (0.0, 0.0, -0.1),
+        (0.2, 0.15, 0.05),
+        (0.7, 0.0, 0.2),
+        (0.4, -0.03, -0.07),
+        (0.43, 0.04, -0.05),
+    ]:
+        assert outside(arcs, x, y)[0] == pytest.approx(distance)
+    assert leave(arcs, 0.2, 0.05, 0.0, -1.0) == pytest.approx((0.15, 0.0, -1.0))
+    assert leave(arcs, 0.2, 0.15, 0.0, 1.0) == pytest.approx((-0.05, 0.0, 1.0))
+    assert leave(arcs, 0.46, 0.0, 0.0, 1.0) == pytest.approx((0.08, 0.6, 0.8))
+    assert math.isnan(leave(arcs, 0.6, 0.0, 0.0, 1.0)[0])
+
+
+def test_a_bend_touches_both_pieces() -> None:
+    """Oracle: on a piece it ends R tan(turn/2) from its vertex, or 0.49 of the piece, and R from its centre."""
+    pieces, bends = ground_of([(0.0, 0.0), (2.0, 1.0), (3.0, 0.0), (3.5, 0.0)], [0.3, 0.5, 100.0, 2.0])
+    turns = [math.atan(0.5), math.atan(0.5) + 0.25 * math.pi, 0.25 * math.pi, 0.0]
+    cuts = [0.3 * math.tan(0.5 * turns[0]), 0.5 * math.tan(0.5 * turns[1]), ROUNDEST * 0.5, 0.0]
+    assert bends[:3, 2] == pytest.approx([0.3, 0.5, ROUNDEST * 0.5 / math.tan(0.5 * turns[2])])
+    for k in range(3):
+        for piece, s in ((pieces[k], pieces[k, 5]), (pieces[k + 1], pieces[k + 1, 4])):
+            point = piece[:2] + s * piece[2:4]
+            away = point - bends[k, :2]
+            assert np.hypot(*away) == pytest.approx(bends[k, 2])
+            assert away @ piece[2:4] == pytest.approx(0.0, abs=1e-12)
+            vertex = [(0.0, 0.0), (2.0, 1.0), (3.0, 0.0)][k]
+            assert np.hypot(*(point - vertex)) == pytest.approx(cuts[k])
+
+
+def outline_points(body: sledenv.Body, count: int) -> np.ndarray:
+    """Return points of an outline, so many of each arc and each side."""
+    arcs, found = outline_of(body).arcs, []
+    for k, arc in enumerate(body.arcs):
+        after = body.arcs[(k + 1) % len(body.arcs)]
+        angles = np.linspace(arc.begin, after.begin + (2.0 * math.pi if k == len(body.arcs) - 1 else 0.0), count)
+        found.append(np.column_stack([arc.x - arc.radius * np.sin(angles), arc.y - arc.radius * np.cos(angles)]))
+        if arcs[k, SIDE] > 0.0:
+            end = np.array([after.x, after.y]) + after.radius * arcs[k, BX : BX + 2]
+            found.append(found[-1][-1] + np.linspace(0.0, 1.0, count)[:, np.newaxis] * (end - found[-1][-1]))
+    return np.vstack(found)
+
+
+@njit(cache=True)
+def deepest_of(pieces: Any, bends: Any, points: Any, x: float, y: float, phi: float) -> float:
+    deepest, S, C = 0.0, math.sin(phi), math.cos(phi)
+    for px, py in points:
+        deepest = deeper(pieces, bends, x + C * px - S * py, y + S * px + C * py, deepest)
+    return deepest
+
+
+@pytest.mark.parametrize("count", [12, pytest.param(300, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kind", PLAIN_BODIES)
+def test_depths_are_those_of_a_dense_outline(kind: str, count: int) -> None:
+    """Oracle: thousands of points of the outline, on sharp and on rounded ground, from a touch to a deep press."""
+    body, points, rng = PLAIN_BODIES[kind], outline_points(PLAIN_BODIES[kind], 4001), np.random.default_rng(7)
+    apart = np.hypot(*np.diff(points, axis=0).T).max()
+    for number in range(count):
+        profile = (hills, bumps, dips)[number % 3](rng)
+        radii = rng.choice([0.0, 0.05, 0.3, 2.0, 20.0], len(profile)).tolist() if number % 2 else None
+        ground, x, phi = ground_of(profile, radii), rng.uniform(0.0, 20.0), rng.uniform(-3.0, 3.0)
+        high = touching_height(body, profile, x, phi)
+        for sunk in (1e-6, 1e-3, 0.02):
+            depth, crest, _ = measured(body, profile, (x, high - sunk, phi), radii)
+            dense = deepest_of(*ground, points, x, high - sunk, phi)
+            assert dense - 1e-12 <= max(depth, crest), (number, sunk)
+            assert depth <= dense + 0.5 * apart, (number, sunk)
+            assert crest <= sunk + 1e-12
+
+
+def test_distances_from_the_ground_are_those_of_dense_points() -> None:
+    """Oracle: points of the graph of the ground, 0.1 mm apart."""
+    rng = np.random.default_rng(8)
+    for number in range(20):
+        profile = (hills, bumps, dips)[number % 3](rng)
+        ground = ground_of(profile, rng.choice([0.0, 0.1, 1.0, 10.0], len(profile)).tolist())
+        x, y = rng.uniform(0.0, 20.0), rng.uniform(-1.0, 1.0)
+        along = np.arange(x - 1.5, x + 1.5, 1e-4)
+        heights = np.array([height_at(*ground, one) for one in along])
+        distance = np.hypot(along - x, heights - y).min()
+        sign = 1.0 if y > height_at(*ground, x) else -1.0
+        if distance < 1.4:
+            assert clearance(*ground, x, y) == pytest.approx(sign * distance, abs=1e-6)
+
+
+@pytest.mark.parametrize("kind", PLAIN_BODIES)
+def test_bodies_come_down_on_the_ground(kind: str) -> None:
+    """Oracle: the height at which nothing touches any more, by halving, tests/profile_springs.py."""
+    body, rng = PLAIN_BODIES[kind], np.random.default_rng(9)
+    for number in range(20):
+        profile, x, phi = (hills, bumps, dips)[number % 3](rng), rng.uniform(0.0, 20.0), rng.uniform(-3.0, 3.0)
+        high = touching_height(body, profile, x, phi)
+        assert high == pytest.approx(resting_height(body, profile, x, phi), abs=1e-12)
+        assert measured(body, profile, (x, high + 1e-12, phi))[CENTRE] < 0.0
