@@ -68,4 +68,4 @@ def _ground(profile: Profile, x: Floats) -> tuple[Floats, Floats]:
         return np.zeros_like(x), np.zeros_like(x)
     vertices = vertices_of(profile)
     slopes = np.concatenate([[0.0], np.diff(vertices[:, 1]) / np.diff(vertices[:, 0]), [0.0]])
-    return np.interp(x, *vertices.T), np.arctan(slopes[np.searchsorted(vertices[:, 0], x)])
+    return np.interp(x, *vertices.T[:2]), np.arctan(slopes[np.searchsorted(vertices[:, 0], x)])

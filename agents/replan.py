@@ -181,5 +181,5 @@ def _vertices(profiles: list[Profile]) -> Floats:
     """Return the vertices of profiles, infinite where one has fewer than another, shape (n, k, 2)."""
     vertices = np.full((len(profiles), max(map(len, profiles), default=0), 2), np.inf)
     for row, profile in zip(vertices, profiles, strict=True):
-        row[: len(profile)] = np.reshape(profile, (-1, 2))
+        row[: len(profile)] = np.reshape(profile, (-1, 3))[:, :2]
     return vertices

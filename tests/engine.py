@@ -14,7 +14,7 @@ from sledenv.kernel.params import Incline
 from sledenv.simulation.bodies import Body
 from tests.compiled import compiled
 
-lay, complete, add = compiled(geometry.lay), compiled(outline.complete), compiled(contacts.add)
+build_pieces, complete, add = compiled(geometry.build_pieces), compiled(outline.complete), compiled(contacts.add)
 BLOCK_CORNERS = ((-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3))
 HEXAGON = [(0.4 * math.cos(a), 0.3 * math.sin(a)) for a in np.arange(6) * math.pi / 3]
 BODIES = {
@@ -42,11 +42,14 @@ def record_of(body: Body) -> Any:
     return body.record.copy()[0]
 
 
-def pieces_of(vertices: Sequence[tuple[float, float]] | np.ndarray) -> np.ndarray:
-    """Pieces of a profile; of a plane, where it has no vertices."""
-    places = np.ascontiguousarray(np.reshape(np.asarray(vertices, dtype=float), (-1, 2)))
+def pieces_of(
+    vertices: Sequence[tuple[float, float]] | np.ndarray, rounding: float | Sequence[float] | np.ndarray = 0.0
+) -> np.ndarray:
+    """Pieces of a profile with its bends; of a plane, where it has no vertices."""
+    places = np.reshape(np.asarray(vertices, dtype=float), (-1, 2))
+    places = np.ascontiguousarray(np.column_stack([places, np.broadcast_to(rounding, len(places))]))
     pieces = np.zeros(len(places) + 1, geometry.PIECE)
-    lay(places, pieces)
+    build_pieces(places, pieces)
     return pieces
 
 

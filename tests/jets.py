@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import mpmath
 from mpmath import mpf
 
-from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, SIDE_BEND
 from sledenv.kernel.params import Incline
 
 DIGITS = 40
@@ -97,21 +97,23 @@ def rows(body: Any, pieces: Any, touch: Touch, x: Jet, y: Jet, sine: Jet, cosine
     def turned(along: float, across: float) -> tuple[Jet, Jet]:
         return cosine * along - sine * across, sine * along + cosine * across
 
-    px, py = -x + pieces[j]["x"], -y + pieces[j]["y"]
-    if kind == SIDE_CREST:
+    piece = pieces[j]
+    sign = float(piece["bend"])
+    px, py = -x + piece["qx"], -y + piece["qy"]
+    if kind == SIDE_BEND:
         ox, oy = turned(body["ox"][arc], body["oy"][arc])
         sx, sy = turned(body["sx"][arc], body["sy"][arc])
         nx, ny = -ox, -oy
         gap = nx * (sx - px) + ny * (sy - py)
-        lx, ly = px + gap * nx, py + gap * ny
+        lx, ly = px + gap * nx, py + gap * ny  # the gap is that of the centre of the bend, seen from the side
     else:
         cx, cy = turned(body["cx"][arc], body["cy"][arc])
-        if kind == ARC_CREST:
+        if kind == ARC_BEND:
             dx, dy = cx - px, cy - py
             far = (dx * dx + dy * dy).root()
-            nx, ny = dx / far, dy / far
+            nx, ny = sign * (dx / far), sign * (dy / far)
         else:
-            nx, ny = x * 0 - pieces[j]["ty"], x * 0 + pieces[j]["tx"]
+            nx, ny = x * 0 - piece["ty"], x * 0 + piece["tx"]
         lx, ly = cx - nx * body["r"][arc], cy - ny * body["r"][arc]
     return [nx, ny, ny * lx - nx * ly], [ny, -nx, -(nx * lx) - ny * ly]
 

@@ -29,7 +29,7 @@ def law(restitution: float, friction: float, stiffness: float = 1e9, rolling_arm
 def speeds(body: Body, surface: ContactLaw, ground: Polyline, launch: State, stations: Sequence[float]) -> np.ndarray:
     """Speeds of one body at places over a ground, NaN where it does not come to."""
     slope = Slope(0.0, ground[-1][0], GRAVITY, profile=ground)
-    lanes = Lanes(body, np.array([surface]), SlopeTable(np.array([slope.row]), (slope.profile,)), np.array([launch]))
+    lanes = Lanes(body, np.array([surface]), SlopeTable(np.array([slope.row]), (slope.ground,)), np.array([launch]))
     return descend_over(lanes, np.array(stations), sledenv.Settings(max_time=100.0)).speed[0]
 
 

@@ -66,7 +66,7 @@ def test_flights_come_back_from_what_is_seen_of_them(scenario):
     profiles = task.scenario.profiles(contexts)
     profiles = profiles * (len(contexts) if len(profiles) == 1 else 1)
     ground = np.array(
-        [np.interp(x, *np.array(known).T) if known else 0.0 for x, known in zip(flights["x"], profiles, strict=True)]
+        [np.interp(x, *np.array(known).T[:2]) if known else 0.0 for x, known in zip(flights["x"], profiles, strict=True)]
     )
     meant = [
         flights["x"],
@@ -80,8 +80,8 @@ def test_flights_come_back_from_what_is_seen_of_them(scenario):
     assert seen.lent == pytest.approx(0.5, abs=1e-6)
     assert seen.supplied == pytest.approx(flights["supplied"], rel=1e-6)
     for known, told, level in zip(profiles, seen.profiles, ground, strict=True):
-        for x, y in told:
-            assert y == pytest.approx(np.interp(x, *np.array(known).T) - level, abs=2e-5)
+        for x, y, _ in told:
+            assert y == pytest.approx(np.interp(x, *np.array(known).T[:2]) - level, abs=2e-5)
 
 
 def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
@@ -166,7 +166,7 @@ def test_the_rule_lands_parallel_to_the_ground():
     first = rides.descents().rebounds[:, 0]
     turns = []
     for profile, row, start in zip(task.scenario.profiles(contexts), first, task.launches(contexts), strict=True):
-        x, y = np.array(profile).T
+        x, y, _ = np.array(profile).T
         slopes = np.r_[0.0, np.diff(y) / np.diff(x), 0.0]
         pitch = np.arctan(slopes[np.searchsorted(x, row["x_contact"])])
         landed = start[2] + row["t_touchdown"] * row["omega_before"]

@@ -217,7 +217,7 @@ def test_a_track_that_fits_is_seen_as_a_whole() -> None:
     renderer = DescentRenderer(ride.body)
     camera = renderer.camera(ride, 0.0)
     assert renderer.camera(ride, 3.0) == camera
-    columns, rows = camera.pixels(np.append(ride.slope.vertices, [(ride.slope.length, 0.0)], axis=0)).T
+    columns, rows = camera.pixels(np.append(ride.slope.vertices[:, :2], [(ride.slope.length, 0.0)], axis=0)).T
     assert 0.0 < columns.min() < columns.max() < 960.0
     assert 0.0 < rows.min() < rows.max() < PANEL
 

@@ -11,28 +11,30 @@ import pytest
 
 from sledenv.kernel import expansion
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
 from tests.jets import Course, Jet, Touch, course
 
 expand, longest_step, value = expansion.expand, expansion.longest_step, expansion.value  # as plain Python
 BLOCK, DISC = record_of(BODIES["block"]), record_of(BODIES["disc"])
-ROOF = pieces_of([(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)])  # a crest at the top
+TOP = [(-1.0, 0.0), (0.0, 0.5), (1.0, 0.0)]  # a crest between two dips
+ROOF, ROUND = pieces_of(TOP), pieces_of(TOP, 0.3)
 PLANE = pieces_of([])
 SLOPE = incline(0.2)
 PIECE, OTHER_PIECE = (ARC_PIECE, 2, 3), (ARC_PIECE, 1, 1)
-CREST, SIDE = (ARC_CREST, 1, 2), (SIDE_CREST, 1, 2)
+CREST, SIDE, DIP = (ARC_BEND, 1, 2), (SIDE_BEND, 1, 2), (ARC_BEND, 2, 3)
 SPRINGS = (Spring(arm=0.01), Spring(2e-3, 5e4, 2e4, 0.2, 0.02), Spring(5e-4, 2e4, 2e4, 0.5, 0.0))
 POSE, VELOCITY = (0.42, 0.83, 0.07), (1.3, -0.6, 0.9)
 GAP, SLIP, SPIN = "gap", "slip", "spin"
 
 
-def gap_of_side(space: Any, side: int) -> float:
+def gap_of_side(pieces: np.ndarray, space: Any, side: int) -> float:
     """Gap [m] of the top of the roof to a side of the block."""
-    motion = space["motion"]
-    dx, dy = -motion["x"], 0.5 - motion["y"]
+    motion, bend = space["motion"], pieces[2]
+    dx, dy = bend["qx"] - motion["x"], bend["qy"] - motion["y"]
     along, across = motion["cosine"] * dx + motion["sine"] * dy, motion["cosine"] * dy - motion["sine"] * dx
-    return float(BLOCK["ox"][side] * (along - BLOCK["sx"][side]) + BLOCK["oy"][side] * (across - BLOCK["sy"][side]))
+    away = BLOCK["ox"][side] * (along - BLOCK["sx"][side]) + BLOCK["oy"][side] * (across - BLOCK["sy"][side])
+    return float(away - bend["radius"])
 
 
 def prepared(
@@ -65,8 +67,8 @@ def prepared(
     for c, feature in enumerate(features):
         contact = contacts["at"][c]
         contact["gap_rate"], contact["slip"] = rows[2 * c] @ moving, rows[2 * c + 1] @ moving
-        if feature[0] == SIDE_CREST and fresh:
-            contact["gap"] = gap_of_side(space, feature[1])
+        if feature[0] == SIDE_BEND and fresh:
+            contact["gap"] = gap_of_side(pieces, space, feature[1])
             contact["deeper"] = 0.0
         gap_locked, slip_locked = (GAP, c) in locked, (SLIP, c) in locked
         contact["gap_still"], contact["slip_still"] = gap_locked, slip_locked
@@ -152,24 +154,31 @@ def named(locked: list[tuple[str, int]]) -> str:
 
 def cases() -> Iterator[Any]:
     """Contacts and what is locked: of one contact, of several, of a side that the crest was in; a fifth is fast."""
-    alone = [([feature], locked, True) for feature in (PIECE, CREST, SIDE) for locked in ALONE]
-    several = [(features, locked, True) for features, locked in SEVERAL]
-    stale = [([SIDE], locked, False) for locked in ALONE if locked != [(GAP, 0), (SPIN, 0)]]
-    for number, (features, locked, fresh) in enumerate((*alone, *several, *stale)):
-        name = f"{' '.join(str(feature[0]) for feature in features)} {named(locked)} {'' if fresh else 'stale'}"
-        yield pytest.param(features, locked, fresh, id=name, marks=[] if number % 5 == 0 else pytest.mark.slow)
+    alone = [(ROOF, [feature], locked, True) for feature in (PIECE, CREST, SIDE) for locked in ALONE]
+    several = [(ROOF, features, locked, True) for features, locked in SEVERAL]
+    turned = [(ROUND, [feature], locked, True) for feature in (CREST, SIDE, DIP) for locked in ALONE]
+    both = [(ROUND, [CREST, DIP], [*locked, (GAP, 1)], True) for locked in ([], [(GAP, 0)], [(SLIP, 0)])]
+    stale = [
+        (ground, [SIDE], locked, False) for ground in (ROOF, ROUND) for locked in ALONE if locked != [(GAP, 0), (SPIN, 0)]
+    ]
+    for number, (ground, features, locked, fresh) in enumerate((*alone, *several, *turned, *both, *stale)):
+        kinds = " ".join(str(feature[0]) for feature in features)
+        name = f"{kinds} {named(locked)} {'' if fresh else 'stale'} {'round' if ground is ROUND else ''}"
+        yield pytest.param(ground, features, locked, fresh, id=name, marks=[] if number % 5 == 0 else pytest.mark.slow)
 
 
-@pytest.mark.parametrize(("features", "locked", "fresh"), [*cases()])
-def test_terms_of_contacts(features: list[tuple[int, int, int]], locked: list[tuple[str, int]], fresh: bool) -> None:
+@pytest.mark.parametrize(("ground", "features", "locked", "fresh"), [*cases()])
+def test_terms_of_contacts(
+    ground: np.ndarray, features: list[tuple[int, int, int]], locked: list[tuple[str, int]], fresh: bool
+) -> None:
     """Oracle: the equations of motion of physics.md, section 12, integrated with 40 digits; what is locked is zero.
 
     Where a crest was in a side when it came to touch, the lever goes to the point on the body, however deep the spring
     is pressed.
     """
-    space, touches = prepared(BLOCK, ROOF, features, locked, fresh=fresh)
-    expand(BLOCK, ROOF, SLOPE, space)
-    found, series = followed(BLOCK, ROOF, space, touches), space["series"]
+    space, touches = prepared(BLOCK, ground, features, locked, fresh=fresh)
+    expand(BLOCK, SLOPE, space)
+    found, series = followed(BLOCK, ground, space, touches), space["series"]
     same_motion(space, found)
     same_contacts(space, touches, found)
     for what, who in locked:
@@ -187,7 +196,7 @@ def test_terms_of_contacts(features: list[tuple[int, int, int]], locked: list[tu
 def test_terms_of_a_disc_on_a_plane(locked: list[tuple[str, int]]) -> None:
     """Oracle: the equations of motion of physics.md, section 12, integrated with 40 digits."""
     space, touches = prepared(DISC, PLANE, [(ARC_PIECE, 0, 0)], locked, (0.0, 0.3, 1.0), (2.0, -0.5, -3.0))
-    expand(DISC, PLANE, SLOPE, space)
+    expand(DISC, SLOPE, space)
     same_motion(space, followed(DISC, PLANE, space, touches))
 
 
@@ -201,7 +210,7 @@ def test_a_block_that_slides_flat_keeps_its_spin_and_both_its_gaps() -> None:
         contact["gap_still"], contact["slip_sign"] = 1, 1
         contact["gap_rate"] = 0.0
     space["contacts"]["spin_still"] = 1
-    expand(BLOCK, PLANE, SLOPE, space)
+    expand(BLOCK, SLOPE, space)
     series = space["series"]
     assert series["u"][1] == pytest.approx(SLOPE.downhill - friction * SLOPE.inward, rel=1e-14)
     np.testing.assert_allclose(series["u"][2 : ORDER + 1], 0.0, atol=1e-12)
@@ -217,7 +226,7 @@ def test_terms_in_flight(omega: float) -> None:
     """Oracle: a parabola, a constant spin, and the series of sine and cosine."""
     space = new_space()
     put(space, (0.3, 2.0, 0.4), (1.5, -0.5, omega))
-    expand(BLOCK, ROOF, SLOPE, space)
+    expand(BLOCK, SLOPE, space)
     series, rest = space["series"], [0.0] * (ORDER - 2)
     np.testing.assert_array_equal(series["x"][: ORDER + 1], [0.3, 1.5, 0.5 * SLOPE.downhill, *rest])
     np.testing.assert_array_equal(series["y"][: ORDER + 1], [2.0, -0.5, -0.5 * SLOPE.inward, *rest])
@@ -230,16 +239,17 @@ def test_terms_in_flight(omega: float) -> None:
         assert series["cosine"][k] == pytest.approx(math.cos(0.4 + 0.5 * math.pi * k) * factor, rel=1e-13)
 
 
+@pytest.mark.parametrize("ground", [ROOF, ROUND], ids=["sharp", "round"])
 @pytest.mark.parametrize("feature", [PIECE, CREST, SIDE], ids=["arc on piece", "arc on crest", "side on crest"])
-def test_series_hold_as_long_as_they_say(feature: tuple[int, int, int]) -> None:
+def test_series_hold_as_long_as_they_say(feature: tuple[int, int, int], ground: np.ndarray) -> None:
     """Oracle: energy of body and spring, which nothing takes away, from end to end of a step."""
     body, space = BLOCK, new_space()
     put(space, POSE, VELOCITY)
     spring = Spring(friction=0.0, closing=3e4, opening=3e4)
-    contact = touch(body, ROOF, space, feature, spring)
+    contact = touch(body, ground, space, feature, spring)
     contact["gap_sign"], contact["slip_sign"] = np.sign(contact["gap_rate"]), 1
     space["contacts"]["spin_sign"] = 1
-    expand(body, ROOF, SLOPE, space)
+    expand(body, SLOPE, space)
     longest = longest_step(body, SLOPE, 1e-14, space)
     assert 1e-3 < longest < 1.0
     series = space["series"]

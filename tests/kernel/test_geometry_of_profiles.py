@@ -11,13 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from sledenv.kernel import contacts, geometry
-from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from tests.compiled import compiled
 from tests.engine import BODIES, Spring, new_space, pieces_of, put, record_of, touch
 
 first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 place, velocities = compiled(geometry.place), compiled(geometry.velocities)
-touching_place, in_cone = compiled(geometry.touching_place), compiled(geometry.in_cone)
+touching_place, over_bend = compiled(geometry.touching_place), compiled(geometry.over_bend)
+height_at, tangent_at, end_of_reach = map(compiled, (geometry.height_at, geometry.tangent_at, geometry.end_of_reach))
 faces_arc, beyond, zone_at = compiled(geometry.faces_arc), compiled(geometry.beyond), compiled(contacts.zone_at)
 ROOF = ((-1.0, 0.0), (0.0, 0.5), (1.0, 0.0))  # dip, crest, dip
 CREST = 2  # the piece that begins at the top of the roof
@@ -42,7 +43,7 @@ def test_a_plane_is_one_piece_without_an_end() -> None:
     """Oracle: the plane."""
     (piece,) = pieces_of([])
     assert (piece["x"], piece["y"], piece["tx"], piece["ty"], piece["tilt"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
-    assert (piece["low"], piece["high"], piece["run_low"], piece["run_high"]) == (-math.inf, math.inf) * 2
+    assert (piece["low"], piece["high"], piece["before"], piece["behind"]) == (-math.inf, math.inf, 0, 1)
 
 
 @given(profiles)
@@ -57,30 +58,88 @@ def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> No
     np.testing.assert_allclose(pieces["tilt"], np.arctan2(tangents[:, 1], tangents[:, 0]), atol=1e-15)
     np.testing.assert_array_equal(np.c_[pieces["x"], pieces["y"]], vertices[np.r_[0, : len(vertices)]])
     turns = tangents[:-1, 0] * tangents[1:, 1] - tangents[:-1, 1] * tangents[1:, 0]
-    np.testing.assert_allclose(pieces["turn"][1:], turns, atol=1e-15)
+    np.testing.assert_array_equal(pieces["bend"][1:], np.where(turns < 0.0, 1, 0))
+    np.testing.assert_array_equal(np.c_[pieces["qx"], pieces["qy"]][1:], vertices)
     np.testing.assert_array_equal(pieces["low"], [-math.inf, *[0.0] * len(vertices)])
     np.testing.assert_allclose(pieces["high"], [0.0, *lengths[1:-1], math.inf], rtol=1e-14)
 
 
+def turns_of(pieces: np.ndarray) -> np.ndarray:
+    """Sine of the turn where each piece begins; that of the first one is 0."""
+    tx, ty = pieces["tx"], pieces["ty"]
+    return np.r_[0.0, tx[:-1] * ty[1:] - ty[:-1] * tx[1:]]
+
+
+@given(profiles, st.floats(0.01, 5.0))
+def test_a_bend_touches_both_its_pieces(along: list[tuple[float, float]], rounding: float) -> None:
+    """Oracle: a circle of that radius through both ends, at right angles to the pieces there, on the side of the turn.
+
+    Its ends lie on the pieces, and no two bends overlap.
+    """
+    pieces = pieces_of(walk(along), rounding)
+    turns = turns_of(pieces)
+    for j in range(1, len(pieces)):
+        bend, before, after = pieces[j], pieces[j - 1], pieces[j]
+        assert bend["bend"] == (1 if turns[j] < 0.0 else -1 if turns[j] > 0.0 else 0)
+        if bend["bend"] == 0:
+            continue
+        assert 0.0 < bend["radius"] <= rounding
+        begin, end, centre = (np.array([bend[name + "x"], bend[name + "y"]]) for name in "beq")
+        for place_, piece in ((begin, before), (end, after)):
+            out = place_ - centre
+            assert math.hypot(*out) == pytest.approx(bend["radius"], rel=1e-9)
+            assert out @ [piece["tx"], piece["ty"]] == pytest.approx(0.0, abs=1e-12 * (1.0 + rounding))
+            assert bend["bend"] * (out @ [-piece["ty"], piece["tx"]]) > 0.0
+            foot = (place_ - [piece["x"], piece["y"]]) @ [piece["tx"], piece["ty"]]
+            assert min(abs(foot - piece["low"]), abs(foot - piece["high"])) < 1e-12 * (1.0 + abs(foot))
+    assert (pieces["high"] - pieces["low"] > 0.0).all()
+
+
+@given(profiles, st.sampled_from([0.0, 0.3, 2.0]))
+def test_heights_and_tangents_are_those_of_pieces_and_circles(along: list[tuple[float, float]], rounding: float) -> None:
+    """Oracle: the line through a piece, or the circle of a bend; tangents are difference quotients of heights."""
+    vertices = walk(along)
+    pieces = pieces_of(vertices, rounding)
+    for x in np.linspace(vertices[0, 0] - 1.0, vertices[-1, 0] + 1.0, 41).tolist():
+        expected = height(vertices, x)
+        for bend in pieces[1:]:
+            if bend["bx"] < x < bend["ex"]:
+                expected = bend["qy"] + bend["bend"] * math.sqrt(bend["radius"] ** 2 - (x - bend["qx"]) ** 2)
+        assert height_at(pieces, x) == pytest.approx(expected, abs=1e-9)
+        ends = np.r_[pieces["bx"], pieces["ex"]]
+        if np.abs(ends - x).min() > 1e-6:
+            tx, ty = tangent_at(pieces, x)
+            rate = (height_at(pieces, x + 1e-7) - height_at(pieces, x - 1e-7)) / 2e-7
+            assert (ty / tx, math.hypot(tx, ty)) == (pytest.approx(rate, abs=1e-5), pytest.approx(1.0, rel=1e-12))
+
+
 @given(profiles)
 def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
-    """Oracle: from each piece on to the next crest on either side, its vertex laid on the line of the piece.
+    """Oracle: up to the next crest on either side, its vertex laid on the line of the piece.
 
-    Where a dip turns by more than a right angle that vertex lies over the piece; the piece counts all along even so.
+    The line is out of reach before, where the ground has risen over it by a quarter of the size of the body, or where
+    it turns by more than a right angle.
     """
     vertices = walk(along)
     pieces = pieces_of(vertices)
+    crest = turns_of(pieces) < 0.0
     for j, piece in enumerate(pieces):
-        low = next((k for k in range(j, 0, -1) if pieces[k]["turn"] < 0.0), None)
-        high = next((k for k in range(j + 1, len(pieces)) if pieces[k]["turn"] < 0.0), None)
-        ends = []
-        for crest, nowhere, own, further in ((low, -math.inf, "low", min), (high, math.inf, "high", max)):
-            if crest is None:
-                ends.append(nowhere)
+        tangent, normal = np.array([piece["tx"], piece["ty"]]), np.array([-piece["ty"], piece["tx"]])
+        for step, own in ((-1, "low"), (1, "high")):
+            place_, takes_over = end_of_reach(BLOCK, pieces, 1, j, step)
+            path = [k for k in (range(j, 0, -1) if step < 0 else range(j + 1, len(pieces)))]
+            seen = [vertices[k - 1] - [piece["x"], piece["y"]] for k in path]
+            run = next((i for i, k in enumerate(path) if crest[k]), None)
+            if takes_over:
+                assert run is not None
+                assert place_ == pytest.approx(seen[run] @ tangent, abs=1e-12)
+                assert max((out @ normal for out in seen[: run + 1]), default=0.0) <= 0.25 * BLOCK["size"] + 1e-12
+            elif math.isfinite(place_):
+                risen = [out @ normal for out in seen]
+                back = [step * ((two - one) @ tangent) < 0.0 for one, two in zip(seen, seen[1:], strict=False)]
+                assert max(risen) >= 0.25 * BLOCK["size"] - 1e-12 or any(back)
             else:
-                foot = (vertices[crest - 1] - [piece["x"], piece["y"]]) @ [piece["tx"], piece["ty"]]
-                ends.append(further(foot, piece[own]))
-        np.testing.assert_allclose([piece["run_low"], piece["run_high"]], ends, atol=1e-13)
+                assert run is None or not path
 
 
 @given(profiles, st.floats(-3.0, 15.0), st.integers(0, 11))
@@ -118,32 +177,44 @@ def gap_and_place(body: object, pieces: np.ndarray, features: tuple[int, int, in
     c, s = math.cos(pose[2]), math.sin(pose[2])
     turn, mass_centre = np.array([[c, -s], [s, c]]), np.array(pose[:2])
     vertex = np.array([pieces[j]["x"], pieces[j]["y"]])
-    if kind == SIDE_CREST:
+    sign, rounding = pieces[j]["bend"], pieces[j]["radius"]
+    middle = np.array([pieces[j]["qx"], pieces[j]["qy"]])
+    if kind == SIDE_BEND:
         normal = -outward(body, arc, pose[2])
+        for piece, part, sense in ((pieces[j - 1], "b", -1.0), (pieces[j], "e", 1.0)):
+            if rounding > 0.0 and sense * (normal @ [piece["tx"], piece["ty"]]) > 0.0:  # beyond an end of the bend
+                middle, rounding = np.array([pieces[j][part + "x"], pieces[j][part + "y"]]), 0.0
         begin = mass_centre + turn @ [body["sx"][arc], body["sy"][arc]]
-        gap = (begin - vertex) @ normal
-        return gap, normal, vertex + gap * normal
+        away = (begin - middle) @ normal
+        return away - rounding, normal, middle + away * normal
     centre, radius = mass_centre + turn @ [body["cx"][arc], body["cy"][arc]], body["r"][arc]
     normal = np.array([-pieces[j]["ty"], pieces[j]["tx"]])
-    if kind == ARC_CREST:
-        normal = (centre - vertex) / math.hypot(*(centre - vertex))
+    if kind == ARC_BEND:
+        normal = sign * (centre - middle) / math.hypot(*(centre - middle))
+        gap = sign * (math.hypot(*(centre - middle)) - rounding) - radius
+        return gap, normal, centre - radius * normal
     return normal @ (centre - vertex) - radius, normal, centre - radius * normal
 
 
-FEATURES = [(ARC_PIECE, 1, 1), (ARC_PIECE, 2, 3), (ARC_CREST, 1, CREST), (ARC_CREST, 0, CREST), (SIDE_CREST, 1, CREST)]
+FEATURES = [(ARC_PIECE, 1, 1), (ARC_PIECE, 2, 3), (ARC_BEND, 1, CREST), (ARC_BEND, 0, CREST), (SIDE_BEND, 1, CREST)]
 
 
-@pytest.mark.parametrize("features", FEATURES)
+@pytest.mark.parametrize("rounding", [0.0, 0.4])
+@pytest.mark.parametrize("features", [*FEATURES, (ARC_BEND, 2, 3)])
 @pytest.mark.parametrize("body", [BLOCK, SLED], ids=["block", "sled"])
 @pytest.mark.parametrize("phi", [0.0, 0.4, -2.5])
-def test_a_contact_lies_and_moves_as_its_features_do(features: tuple[int, int, int], body: object, phi: float) -> None:
+def test_a_contact_lies_and_moves_as_its_features_do(
+    features: tuple[int, int, int], body: object, phi: float, rounding: float
+) -> None:
     """Oracle: the table of physics.md, section 12; the gap rate is a difference quotient of the gap.
 
     The slip is what the touching point of the body, held fast on the body, moves along the tangent in a short time.
     """
-    if features[0] == SIDE_CREST:
-        features = (SIDE_CREST, next(k for k in range(4) if body["length"][k] > 0.0), CREST)
-    pieces, space = pieces_of(ROOF), new_space()
+    if features[0] == SIDE_BEND:
+        features = (SIDE_BEND, next(k for k in range(4) if body["length"][k] > 0.0), CREST)
+    if features[0] == ARC_BEND and features[2] != CREST and rounding == 0.0:
+        pytest.skip("a dip without a radius has no bend")
+    pieces, space = pieces_of(ROOF, rounding), new_space()
     pose, velocity = np.array([0.1, 1.1, phi]), np.array([0.7, -0.4, 1.3])
     put(space, pose, velocity)
     contact = touch(body, pieces, space, features, Spring())
@@ -160,9 +231,11 @@ def test_a_contact_lies_and_moves_as_its_features_do(features: tuple[int, int, i
     assert (contact["gap_rate"], contact["slip"]) == (rate, slip)
 
 
-def agree(body: object, pose: np.ndarray, one: tuple[int, int, int], two: tuple[int, int, int]) -> None:
+def agree(
+    body: object, pose: np.ndarray, one: tuple[int, int, int], two: tuple[int, int, int], rounding: float = 0.0
+) -> None:
     """Two contacts have the same normal, touching point, gap rate and slip."""
-    pieces, space = pieces_of(ROOF), new_space()
+    pieces, space = pieces_of(ROOF, rounding), new_space()
     put(space, pose, (0.7, -0.4, 1.3))
     first, second = (touch(body, pieces, space, features, Spring()) for features in (one, two))
     for name in ("nx", "ny", "ln", "lt", "gap_rate", "slip"):
@@ -178,24 +251,36 @@ def pose_with_centre(body: object, arc: int, place_: np.ndarray, phi: float) -> 
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.01])
-@pytest.mark.parametrize("piece", [CREST - 1, CREST])
+@pytest.mark.parametrize(("piece", "bend"), [(CREST - 1, CREST), (CREST, CREST), (CREST, 3)])
 @pytest.mark.parametrize("phi", [0.3, -1.2])
-def test_an_arc_passes_from_a_piece_to_its_crest_without_a_jump(depth: float, piece: int, phi: float) -> None:
-    """Oracle: with its foot on the crest an arc touches the piece as it touches the crest."""
-    ground = pieces_of(ROOF)[piece]
-    centre = np.array([0.0, 0.5]) + (BLOCK["r"][1] - depth) * np.array([-ground["ty"], ground["tx"]])
-    agree(BLOCK, pose_with_centre(BLOCK, 1, centre, phi), (ARC_PIECE, 1, piece), (ARC_CREST, 1, CREST))
+@pytest.mark.parametrize("rounding", [0.0, 0.4])
+def test_an_arc_passes_from_a_piece_to_its_bend_without_a_jump(
+    depth: float, piece: int, bend: int, phi: float, rounding: float
+) -> None:
+    """Oracle: with its foot on an end of the bend an arc touches the piece as it touches the bend."""
+    pieces = pieces_of(ROOF, rounding)
+    if pieces[bend]["bend"] == 0:
+        pytest.skip("a dip without a radius has no bend")
+    ground, end = pieces[piece], "e" if bend == piece else "b"
+    foot = np.array([pieces[bend][end + "x"], pieces[bend][end + "y"]])
+    centre = foot + (BLOCK["r"][1] - depth) * np.array([-ground["ty"], ground["tx"]])
+    agree(BLOCK, pose_with_centre(BLOCK, 1, centre, phi), (ARC_PIECE, 1, piece), (ARC_BEND, 1, bend), rounding)
 
 
 @pytest.mark.parametrize("depth", [0.0, 0.01])
 @pytest.mark.parametrize("end", [0, 1])
-@pytest.mark.parametrize("phi", [0.3, -1.2])
-def test_a_crest_passes_from_an_arc_to_a_side_without_a_jump(depth: float, end: int, phi: float) -> None:
+@pytest.mark.parametrize("turned", [0.3, -0.4])
+@pytest.mark.parametrize("rounding", [0.0, 0.4])
+def test_a_crest_passes_from_an_arc_to_a_side_without_a_jump(
+    depth: float, end: int, turned: float, rounding: float
+) -> None:
     """Oracle: where a side begins or ends it touches a crest as the arc there does."""
-    side = 1
-    arc = (side + end) % 4
-    centre = np.array([0.0, 0.5]) - (BLOCK["r"][arc] - depth) * outward(BLOCK, side, phi)
-    agree(BLOCK, pose_with_centre(BLOCK, arc, centre, phi), (SIDE_CREST, side, CREST), (ARC_CREST, arc, CREST))
+    side, bend = 1, pieces_of(ROOF, rounding)[CREST]
+    arc, phi = (side + end) % 4, turned + math.atan2(-BLOCK["ox"][side], -BLOCK["oy"][side])
+    reach = BLOCK["r"][arc] + bend["radius"] - depth
+    centre = np.array([bend["qx"], bend["qy"]]) - reach * outward(BLOCK, side, phi)
+    pose = pose_with_centre(BLOCK, arc, centre, phi)
+    agree(BLOCK, pose, (SIDE_BEND, side, CREST), (ARC_BEND, arc, CREST), rounding)
 
 
 @pytest.mark.parametrize("name", ["sled", "block", "hexagon", "triangle"])
@@ -228,19 +313,16 @@ def test_an_arc_faces_what_lies_in_its_angle(relative: float, distance: float) -
         assert beyond(BLOCK, arc, relative) == (0 if abs(turned) <= half else math.copysign(1, turned))
 
 
-@given(st.floats(-3.1, 3.1), st.floats(-3.1, 3.1))
-def test_a_centre_over_a_crest_lies_between_the_normals_of_its_pieces(direction: float, phi: float) -> None:
+@given(st.floats(-3.1, 3.1))
+def test_a_centre_over_a_crest_lies_between_the_normals_of_its_pieces(direction: float) -> None:
     """Oracle: the angle of the normal on the crest lies between those of its pieces."""
     pieces = pieces_of(ROOF)
     low, high = pieces[CREST]["tilt"], pieces[CREST - 1]["tilt"]
     if min(abs(direction - low), abs(direction - high)) < 1e-9:
         return
     normal = np.array([-math.sin(direction), math.cos(direction)])
-    pose = pose_with_centre(BLOCK, 1, np.array([0.0, 0.5]) + 0.2 * normal, phi)
-    c, s = math.cos(phi), math.sin(phi)
-    seen = np.array([[c, s], [-s, c]]) @ (np.array([0.0, 0.5]) - pose[:2])
     # Below the crest, where no body is, the sides of both lines are crossed the other way round.
-    assert in_cone(BLOCK, pieces, 1, CREST, *seen, phi) == (low <= direction <= high)
+    assert over_bend(pieces, CREST, *(0.2 * normal), 0.0) == (low <= direction <= high)
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.optimize import linprog, lsq_linear
 
 from sledenv.kernel import mode
-from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.params import Incline
 from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
 
@@ -26,8 +26,8 @@ Features = tuple[int, int, int]
 ANYWHERE: list[Features] = [
     (ARC_PIECE, 1, 1),
     (ARC_PIECE, 2, 3),
-    (ARC_CREST, 1, 2),
-    (SIDE_CREST, 1, 2),
+    (ARC_BEND, 1, 2),
+    (SIDE_BEND, 1, 2),
     (ARC_PIECE, 0, 2),
 ]
 FLAT: list[Features] = [(ARC_PIECE, 1, 0), (ARC_PIECE, 2, 0)]
@@ -401,7 +401,7 @@ holding = st.builds(
     st.one_of(st.just(0.0), st.floats(0.01, 0.3)),
 )
 STILL = (0.0, 0.0, 0.0)
-UNDER_A_SIDE: list[Features] = [*FLAT, (SIDE_CREST, 1, 2)]
+UNDER_A_SIDE: list[Features] = [*FLAT, (SIDE_BEND, 1, 2)]
 LAID: dict[str, st.SearchStrategy[Scene]] = {
     "on one contact": st.builds(
         lambda phi, angle, one: Scene(
@@ -465,7 +465,7 @@ def mirrored(scene: Scene) -> Scene:
     """Image of a scene of the block on the roof, seen from behind."""
     image = []
     for kind, arc, piece in scene.features:
-        image.append((kind, 2 - arc if kind == SIDE_CREST else 3 - arc, piece if kind != ARC_PIECE else 3 - piece))
+        image.append((kind, 2 - arc if kind == SIDE_BEND else 3 - arc, piece if kind != ARC_PIECE else 3 - piece))
     (x, y, phi), (u, v, omega), slope = scene.pose, scene.velocity, scene.slope
     slope = slope._replace(downhill=-slope.downhill)
     return scene._replace(slope=slope, pose=(-x, y, -phi), velocity=(-u, v, -omega), features=image)

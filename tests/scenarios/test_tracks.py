@@ -187,15 +187,15 @@ def test_bumps_are_valid_profiles_inside_their_ranges(keys: dict[str, Any], more
     contexts[:, -1] = tracks
     for profile, again in zip(scenario.profiles(contexts), scenario.profiles(contexts[::-1])[::-1], strict=True):
         assert profile == again
-        assert checked_profile(profile) == profile
-        corners = [y == 0.0 for _, y in profile]
+        assert checked_profile([vertex[:2] for vertex in profile]) == profile
+        corners = [y == 0.0 for _, y, _ in profile]
         assert corners[0]
         assert corners[-1]
         x, tops, reached = profile[0][0], [vertex for vertex in profile if vertex[1] > 0.0], start
         assert reached + keys["gap_m"][0] - 1e-3 <= x <= reached + keys["gap_m"][1] + 1e-9
-        for _, y in tops:
+        for _, y, _ in tops:
             assert keys["height_m"][0] <= y <= keys["height_m"][1]
-        for (x0, y0), (x1, y1) in pairwise(profile):
+        for (x0, y0, _), (x1, y1, _) in pairwise(profile):
             low, high = (
                 keys["top_m"] if y0 == y1 > 0 else keys["gap_m"] if y0 == y1 else keys["face_m"] if y1 > y0 else back
             )
@@ -301,7 +301,7 @@ def test_vertices_around_places_are_those_that_a_slow_search_finds(
     vertices = np.full((len(profiles), max(map(len, profiles)), 2), np.inf)
     for row, profile in zip(vertices, profiles, strict=True):
         row[: len(profile)] = np.array(profile).reshape(-1, 2)
-    assert profiles_of(vertices) == [tuple(profile) for profile in profiles]
+    assert profiles_of(vertices) == [tuple((*vertex, 0.0) for vertex in profile) for profile in profiles]
     places = rng.uniform(-2.0, 25.0, len(counts))
     if exact and vertices.shape[1]:
         at = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]

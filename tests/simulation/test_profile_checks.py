@@ -28,20 +28,20 @@ LAUNCH = State(0.0, 3.0, 0.0)
 
 
 def test_what_is_checked_has_the_vertices() -> None:
-    """Oracle: those of the slope; an array of shape (0, 2) on a plane."""
+    """Oracle: those of the slope; an array of shape (0, 3) on a plane."""
     np.testing.assert_array_equal(
-        checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.tracks.vertices[0], HILL.profile
+        checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.tracks.vertices[0], HILL.ground
     )
-    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.tracks.vertices[0].shape == (0, 2)
-    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), [HILL.profile])]
+    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.tracks.vertices[0].shape == (0, 3)
+    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), [HILL.ground])]
     for slopes in ways:
         lanes = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
-        np.testing.assert_array_equal(lanes.tracks.vertices[0], HILL.profile)
+        np.testing.assert_array_equal(lanes.tracks.vertices[0], HILL.ground)
         assert lanes.tracks.numbers.tolist() == [0]
         assert lanes.slopes.shape[1] == 3
     mixed: Any = [Slope(0.1), (0.2, 5.0, 9.81)]
     for plane in (Slope(0.1), mixed, np.array([[0.1, 5.0, 9.81]] * 2)):
-        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).tracks.vertices[0].shape == (0, 2)
+        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).tracks.vertices[0].shape == (0, 3)
 
 
 def test_a_profile_needs_compliant_surfaces() -> None:
@@ -52,7 +52,7 @@ def test_a_profile_needs_compliant_surfaces() -> None:
 
 @pytest.mark.parametrize("body", [SHARP, circular_segment(2.0, 1.0, 1.2)], ids=["square", "cap"])
 def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
-    """Oracle: the message, which names the remedy; nothing of a dip is refused."""
+    """Oracle: the message, which names the remedies; nothing of a dip is refused, nor where crests are round."""
     with pytest.raises(ValueError, match=r"^body has a sharp corner: .*polygon\(\.\.\., rounding=\.\.\.\)"):
         checked_descent(body, LAW, HILL, LAUNCH, Settings())
     with pytest.raises(ValueError, match=r"^body\[1\] has a sharp corner"):
@@ -63,8 +63,12 @@ def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
     level = Slope(0.1, profile=[(0.0, 2.0), (1.0, 2.0)])
     assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (
         2,
-        2,
+        3,
     )
+    smooth = HILL._replace(rounding=0.1)
+    assert checked_descent(body, LAW, smooth, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (3, 3)
+    with pytest.raises(ValueError, match=r"sharp corner: .* rounding=\.\.\.\) crests"):
+        checked_descent(body, LAW, HILL._replace(rounding=[0.1, 0.0, 0.1]), LAUNCH._replace(y=9.0), Settings())
 
 
 def test_round_corners_are_accepted() -> None:
@@ -110,17 +114,17 @@ def test_lanes_may_have_profiles_of_their_own(other: Any) -> None:
 
 def test_profiles_that_are_the_same_are_one_track() -> None:
     """Oracle: which lanes have which."""
-    tracks = Tracks.of([HILL.profile, (), (*HILL.profile[:1], *HILL.profile[1:]), BUMPS.profile, ()])
+    tracks = Tracks.of([HILL.ground, (), (*HILL.ground[:1], *HILL.ground[1:]), BUMPS.ground, ()])
     assert tracks.numbers.tolist() == [0, 1, 0, 2, 1]
     assert [len(vertices) for vertices in tracks.vertices] == [3, 0, 4]
     assert tracks.lanes(0).tolist() == [0, 2]  # type: ignore[union-attr]
-    assert Tracks.of([HILL.profile] * 3).numbers.tolist() == [0]
+    assert Tracks.of([HILL.ground] * 3).numbers.tolist() == [0]
 
 
 @pytest.mark.parametrize("x", [-3.0, 1.7, 2.5, 3.0, 4.9])
 def test_a_launch_must_not_lie_below_the_ground(x: float) -> None:
     """Oracle: the height at which the body rests; what lies below it by rounding is lifted there."""
-    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), Tracks.of([HILL.profile])).tolist()
+    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), Tracks.of([HILL.ground])).tolist()
     launch = State(x, lowest, 0.0)
     assert checked_descent(DISC, LAW, HILL, launch, Settings()).launch == launch
     rounded = launch._replace(y=lowest - 5e-10 * DISC.size)

@@ -17,8 +17,8 @@ from sledenv.simulation.scene import ContactLaw, Slope, Zone
 def test_the_ends_of_the_ranges_are_accepted() -> None:
     """Oracle: the ranges in the docstrings: no losses, no gravity, a slope without end."""
     assert ContactLaw(1e6, 0.0, 0.0, 0.0).corner_rolling_arm == 0.0
-    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, (), ())
-    assert Slope(0.1) == (0.1, math.inf, 9.81, (), ())
+    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, (), (), ())
+    assert Slope(0.1) == (0.1, math.inf, 9.81, (), (), ())
     assert Zone(-1.0, math.inf, 0.0, 0.0) == (-1.0, math.inf, 0.0, 0.0, 0.0, None, None)
     assert Zone(0.0, 1.0, 0.0, 0.0, restitution=1.0).restitution == 1.0
     assert Slope(0.1, 5.0, 9.81, [Zone(-1.0, 2.0, 0.1, 0.0), (2.0, 5.0, 0.0, 0.0, 0.0)]).zones[1].begin == 2.0
@@ -123,14 +123,46 @@ def test_a_profile_is_pairs_of_floats_however_it_is_given(given: Any) -> None:
     assert slope.row == (0.1, 50.0, 9.81)
     assert slope.vertices.dtype == float
     assert slope.vertices.flags.c_contiguous
-    np.testing.assert_array_equal(slope.vertices, HILL)
+    np.testing.assert_array_equal(slope.vertices, [(*vertex, 0.0) for vertex in HILL])
+
+
+@pytest.mark.parametrize("given", [[0.0, 2.0, 0.5], np.array([0.0, 2.0, 0.5]), (0, 2, 0.5)])
+def test_vertices_are_rounded_with_one_radius_or_one_each(given: Any) -> None:
+    """Oracle: what is given; vertices that are left out take their radii with them, and no radius is none."""
+    slope = Slope(0.1, 50.0, profile=HILL, rounding=given)
+    assert slope.rounding == (0.0, 2.0, 0.5)
+    np.testing.assert_array_equal(slope.vertices[:, 2], given)
+    assert Slope(*slope) == slope == pickle.loads(pickle.dumps(slope)) == eval(repr(slope))
+    assert Slope(0.1, profile=HILL, rounding=3.0).rounding == (3.0, 3.0, 3.0)
+    assert Slope(0.1, profile=HILL, rounding=math.inf).rounding == (math.inf,) * 3
+    assert Slope(0.1, profile=HILL, rounding=[0.0, 0.0, 0.0]).rounding == Slope(0.1, rounding=1.0).rounding == ()
+    straight = Slope(0.1, profile=[(-1.0, 0.0), (0.0, 1.0), (1.0, 0.75), (2.0, 0.5)], rounding=[1.0, 2.0, 3.0, 4.0])
+    assert straight.rounding == (1.0, 2.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        (-0.1, ValueError, "Slope.rounding = -0.1: must be in [0, inf] m"),
+        (math.nan, ValueError, "Slope.rounding = nan: must be in [0, inf] m"),
+        ("1", TypeError, "Slope.rounding = '1': must be a number"),
+        ([1.0, 2.0], ValueError, "Slope.rounding holds 2 numbers: must hold one for each of 3 vertices"),
+        ([1.0, -2.0, 0.0], ValueError, "Slope.rounding[1] = -2.0: must be in [0, inf] m"),
+        ([1.0, "a", 0.0], TypeError, "Slope.rounding[1] = 'a': must be a number"),
+    ],
+)
+def test_a_radius_that_is_none_is_told(given: Any, error: type[Exception], message: str) -> None:
+    """Oracle: the message: field, value and range."""
+    with pytest.raises(error) as caught:
+        Slope(0.1, profile=HILL, rounding=given)
+    assert message in str(caught.value)
 
 
 def test_a_plane_has_no_vertices() -> None:
     """Oracle: the shape that kernels take; heights of 0."""
     for slope in (Slope(0.1), Slope(0.1, profile=[]), Slope(0.1, profile=np.empty((0, 2)))):
         assert slope.profile == ()
-        assert slope.vertices.shape == (0, 2)
+        assert slope.vertices.shape == (0, 3)
         np.testing.assert_array_equal(slope.height_at([[1.0, 2.0]]), [[0.0, 0.0]])
 
 

@@ -68,6 +68,7 @@ slopes = st.builds(
     st.sampled_from([9.81, 9.81, 0.0]),
     st.just(()),
     st.just(()),
+    st.just(0.0),
 )
 velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
 spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
@@ -721,7 +722,7 @@ BAD_BATCHES: list[tuple[str, Any, type[Exception], str]] = [
     ("slope", [INCLINE, ("steep", 1.0, 9.81)], T, "slope holds <U"),
     ("slope", [INCLINE, INCLINE[:2]], T, "slope = [(0.2, 10.0, 9.81), (0.2, 10.0)]: must be numbers, columns angle"),
     ("slope", [INCLINE, 3], T, "slope = [(0.2, 10.0, 9.81), 3]: must be numbers, columns angle, length, gravity"),
-    ("slope", [INCLINE, tuple(INCLINE)], T, "(0.2, 10.0, 9.81, (), ())]: must be numbers, columns angle"),
+    ("slope", [INCLINE, tuple(INCLINE)], T, "(0.2, 10.0, 9.81, (), (), ())]: must be numbers, columns angle"),
     ("slope", np.zeros((2, 4)), V, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
     ("slope", np.zeros((2, 11)), V, "slope has shape (2, 11): must be (N, 10), columns angle, length, gravity"),
     ("slope", np.tile(zoned(*[math.nan] * 63), (2, 1)), V, "slope has columns of 9 zones"),

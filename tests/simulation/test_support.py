@@ -43,11 +43,15 @@ def outline(body: Body, phi: float, points: int = 4000) -> Floats:
 
 
 def sampled_height(body: Body, x: float, phi: float, slope: Slope) -> float:
-    """Largest height of the ground over a point of the outline, or of a vertex over the outline."""
+    """Largest height of the ground over a point of the outline, or of a vertex, or of a point of a bend, over it."""
     places = outline(body, phi)
     found = [float((slope.height_at(x + places[:, 0]) - places[:, 1]).max())]
     here, there = places, np.roll(places, -1, axis=0)
-    for px, py in slope.profile:
+    points = list(slope.profile)
+    if slope.rounding:
+        across = np.linspace(x - body.size, x + body.size, 400)
+        points = list(zip(across.tolist(), slope.height_at(across).tolist(), strict=True))
+    for px, py in points:
         over = (np.minimum(here[:, 0], there[:, 0]) <= px - x) & (np.maximum(here[:, 0], there[:, 0]) >= px - x)
         for (x1, y1), (x2, y2) in zip(here[over], there[over], strict=True):
             part = (px - x - x1) / (x2 - x1) if x1 != x2 else 0.5
@@ -63,15 +67,17 @@ def slopes(draw: st.DrawFn) -> Slope:
     pieces = 10.0 ** rng.uniform(-1.5, 0.5, count)
     steep = np.tan(rng.uniform(-1.0, 1.0, count) * draw(st.sampled_from([0.1, 0.8, 1.39])))
     x = np.cumsum(pieces) - 0.5 * pieces.sum()
-    return Slope(0.1, profile=np.column_stack([x, np.cumsum(steep * pieces)]))
+    radii = draw(st.sampled_from([0.0, 0.1, 1.0, 10.0, math.inf])) * rng.uniform(0.5, 1.0, count)
+    return Slope(0.1, profile=np.column_stack([x, np.cumsum(steep * pieces)]), rounding=radii)
 
 
 @given(slopes(), st.sampled_from(sorted(BODIES)), st.floats(-3.0, 3.0), st.floats(-math.pi, math.pi))
 def test_a_body_rests_where_its_sampled_outline_does(slope: Slope, name: str, x: float, phi: float) -> None:
     """Oracle: 4,000 points on each arc and the chords between them; nothing is missed but their bulge."""
     body = BODIES[name]
-    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), Tracks.of([slope.profile]))
-    assert found == pytest.approx(sampled_height(body, x, phi, slope), abs=2e-5 * body.size)
+    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), Tracks.of([slope.ground]))
+    coarse = 2e-5 if not slope.rounding else 3e-3
+    assert found == pytest.approx(sampled_height(body, x, phi, slope), abs=coarse * body.size)
 
 
 @pytest.mark.parametrize("name", sorted(BODIES))
@@ -80,20 +86,25 @@ def test_level_ground_carries_a_body_at_its_support_height(name: str, height: fl
     """Oracle: the support height on a plane, and the height of the ground under the body."""
     body, phi = BODIES[name], np.linspace(-3.1, 3.1, 41)
     slope = Slope(0.1, profile=[(-50.0, height), (-40.0, height - 1.0), (-30.0, height)])
-    found = resting_heights(body.record, np.full(41, 3.0), phi, Tracks.of([slope.profile]))
+    found = resting_heights(body.record, np.full(41, 3.0), phi, Tracks.of([slope.ground]))
     expected = [support_height(body, angle) + height for angle in phi.tolist()]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-16 * (body.size + abs(height)))
 
 
 def test_a_disc_in_a_dip_and_on_a_crest_rests_where_geometry_says() -> None:
-    """Oracle: r/cos(theta) over a dip of two slopes +-theta, r over a crest, for a disc in the middle."""
+    """Oracle: r/cos(theta) over a dip of two slopes +-theta, r over a crest, less what a radius cuts off."""
     disc, theta = segment(2.0, 0.5, 0.0, 0.3), 0.4
     rise = 10.0 * math.tan(theta)
     profiles = [((-10.0, s * rise), (0.0, 0.0), (10.0, s * rise)) for s in (1.0, -1.0)]
-    dip, crest = (Tracks.of([profile]) for profile in profiles)
     where = np.zeros(1), np.zeros(1)
-    assert resting_heights(disc.record, *where, dip)[0] == pytest.approx(0.5 / math.cos(theta), rel=1e-14)
-    assert resting_heights(disc.record, *where, crest)[0] == pytest.approx(0.5, rel=1e-14)
+    for radius in (0.0, 0.3, 2.0):
+        dip, crest = (
+            Tracks.of([Slope(0.0, profile=profile, rounding=[0.0, radius, 0.0]).ground]) for profile in profiles
+        )
+        cut = radius * (1.0 / math.cos(theta) - 1.0)  # the disc lies on both pieces unless the dip is rounder
+        deep = 0.5 + cut if radius > 0.5 else 0.5 / math.cos(theta)
+        assert resting_heights(disc.record, *where, dip)[0] == pytest.approx(deep, rel=1e-14)
+        assert resting_heights(disc.record, *where, crest)[0] == pytest.approx(0.5 - cut, rel=1e-14)
 
 
 def test_many_bodies_rest_where_each_alone_does() -> None:
@@ -103,16 +114,19 @@ def test_many_bodies_rest_where_each_alone_does() -> None:
     names = sorted(BODIES)
     records = np.concatenate([BODIES[names[i % len(names)]].record for i in range(1500)])
     places, phi = rng.uniform(-25.0, 25.0, 1500), rng.uniform(-math.pi, math.pi, 1500)
-    found = resting_heights(records, places, phi, Tracks.of([slope.profile]))
+    found = resting_heights(records, places, phi, Tracks.of([slope.ground]))
     for i in range(0, 1500, 11):
-        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], Tracks.of([slope.profile]))
+        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], Tracks.of([slope.ground]))
         assert alone[0] == found[i]
 
 
 def test_bodies_on_several_tracks_rest_where_each_alone_does() -> None:
     """Oracle: one track at a time, bit for bit, planes among them."""
     x, rng = np.linspace(-20.0, 20.0, 60), np.random.default_rng(4)
-    profiles = [tuple(zip(x.tolist(), rng.uniform(-0.3, 0.3, 60).tolist(), strict=True)) for _ in range(5)]
+    radii = rng.uniform(-0.5, 0.5, 60).clip(0.0)
+    profiles = [
+        tuple(zip(x.tolist(), rng.uniform(-0.3, 0.3, 60).tolist(), radii.tolist(), strict=True)) for _ in range(5)
+    ]
     tracks = Tracks.of([[*profiles, ()][k] for k in rng.integers(0, 6, 500)])
     places, phi = rng.uniform(-25.0, 25.0, 500), rng.uniform(-math.pi, math.pi, 500)
     body = BODIES["sled"]

@@ -64,7 +64,7 @@ def test_passages_are_those_of_descents_that_end_there() -> None:
         assert np.isnan(found.speed[~comes, k]).all()
         both = comes & ~np.isnan(found.speed[:, k])
         lowest = there["y"] - resting_heights(given.bodies, there["x"], within_a_turn(there["phi"]), given.tracks)
-        centre = there["y"] - np.interp(there["x"], *given.tracks.vertices[0].T)
+        centre = there["y"] - np.interp(there["x"], *given.tracks.vertices[0].T[:2])
         for one, oracle in (
             (found.speed, np.hypot(there["u"], there["v"])),
             (found.kinetic, there["kinetic"]),

@@ -45,7 +45,7 @@ def test_every_launch_rides_the_track_of_its_number() -> None:
             friction=given["contact.friction"], speed=given["launch.speed_m_s"], track=given["slope.bumps"]
         )
         slope = scenario.slope(context)
-        assert slope.profile == lanes.slopes.profiles[i]
+        assert slope.ground == lanes.slopes.profiles[i]
         one = sledenv.simulate(scenario.body(), scenario.law(context), slope, State(*lanes.launches[i]), settings)
         assert lanes.launches[i].tolist() == list(scenario.launch(context))
         for name in one.outcome.dtype.names:
@@ -64,7 +64,7 @@ def test_passages_over_bumps_agree_with_the_trajectory() -> None:
     compared = 0
     for i in range(len(lanes.launches)):
         angle, length, gravity = lanes.slopes.rows[i].tolist()
-        slope = sledenv.Slope(angle, length, gravity, profile=lanes.slopes.profiles[i])
+        slope = sledenv.Slope(angle, length, gravity, profile=[vertex[:2] for vertex in lanes.slopes.profiles[i]])
         law, launch = ContactLaw(*lanes.laws[i]), State(*lanes.launches[i])
         rows = sledenv.simulate(
             lanes.bodies, law, slope, launch, settings, record="trajectory", sample_interval=1e-3
@@ -129,7 +129,7 @@ def test_ground_may_be_of_the_study_or_of_its_scenario(
     assert ("slope.bumps" in study.parameters) == drawn
     assert len(lanes.slopes.profiles) == (6 if drawn else 1)
     if not drawn:
-        assert lanes.slopes.profiles[0] == tuple((float(x), float(y)) for x, y in PROFILE)
+        assert lanes.slopes.profiles[0] == tuple((float(x), float(y), 0.0) for x, y in PROFILE)
     again = tmp_path / "elsewhere" / "study.yaml"
     again.parent.mkdir()
     again.write_text(yaml.safe_dump(study.model_dump(mode="json")))

@@ -9,7 +9,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.contacts import ORDER, PER
-from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, heights_within, touching_place
+from sledenv.kernel.geometry import ARC_PIECE, SIDE_BEND, heights_within, touching_place
 from sledenv.kernel.params import Incline, State
 from sledenv.kernel.records import NON_FINITE, RUNNING
 
@@ -112,7 +112,7 @@ def stored(contacts: np.void) -> float:
 def part_of(body: np.void, contact: np.void) -> float:
     """Code of the part of the body that touches."""
     arc = contact["arc"]
-    return float(body["side"][arc] if contact["kind"] == SIDE_CREST else body["part"][arc])
+    return float(body["side"][arc] if contact["kind"] == SIDE_BEND else body["part"][arc])
 
 
 @kernel

@@ -11,23 +11,30 @@ from typing import Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.arithmetic import wrap
+from sledenv.kernel.arithmetic import sign_of, wrap
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.expansion import place_of_crest, value
+from sledenv.kernel.expansion import place_in_body, value
 from sledenv.kernel.geometry import (
-    ARC_CREST,
+    ARC_BEND,
     ARC_PIECE,
     AT_JOIN,
+    ON_ARC,
     SAME_PLACE,
-    SIDE_CREST,
+    SIDE_BEND,
     along_piece,
     arc_number,
+    can_touch,
+    centre_of_part,
     faces_arc,
+    faces_dip,
     first_piece,
-    in_cone,
+    over_bend,
+    part_of_bend,
+    reach_along,
 )
 from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, look
 from sledenv.kernel.outline import arc_at, from_middle, same_arc
+from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.kernel.zeros import first_zero
 
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
@@ -60,37 +67,73 @@ def _foot(body: np.void, piece: np.void, a: int, t: float, s: np.void) -> float:
 
 
 @kernel
-def _in_reach(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, t: float, space: np.void) -> bool:
-    """Whether a pair whose gap closes at a time of the step lies before each other then.
+def _from_bend(body: np.void, piece: np.void, a: int, t: float, s: np.void) -> tuple[float, float]:
+    """Place [m] of the centre of an arc at a time of the step, seen from the centre of a bend."""
+    sine, cosine = value(s["sine"], t), value(s["cosine"], t)
+    cx, cy = body["cx"][a], body["cy"][a]
+    return (
+        value(s["x"], t) + cosine * cx - sine * cy - piece["qx"],
+        value(s["y"], t) + sine * cx + cosine * cy - piece["qy"],
+    )
 
-    For a crest ``space["terms"]`` holds its place in the frame of the body.
+
+@kernel
+def _in_reach(
+    body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, t: float, margin: float, space: np.void
+) -> bool:
+    """Whether a pair whose gap closes at a time of the step lies before each other then, ``margin`` [m] inside.
+
+    For a bend ``space["terms"]`` holds its place in the frame of the body.
     """
     s, piece = space["series"], pieces[j]
     if kind == ARC_PIECE:
-        return bool(piece["run_low"] <= _foot(body, piece, a, t, s) <= piece["run_high"])
+        low, high = reach_along(body, pieces, a, j)
+        return bool(low + margin <= _foot(body, piece, a, t, s) <= high - margin)
     bx, by = value(space["terms"][0], t), value(space["terms"][1], t)
-    if kind == ARC_CREST:
-        return faces_arc(body, a, bx, by) and in_cone(body, pieces, a, j, bx, by, value(s["phi"], t))
+    if kind == ARC_BEND:
+        ex, ey = _from_bend(body, piece, a, t, s)
+        if not over_bend(pieces, j, ex, ey, -margin):
+            return False
+        return faces_arc(body, a, bx, by) if piece["bend"] > 0 else faces_dip(body, piece, a, bx, by)
     along = body["oy"][a] * (bx - body["sx"][a]) - body["ox"][a] * (by - body["sy"][a])
     near = AT_END * body["size"]
     return bool(-near <= along <= body["length"][a] + near)
 
 
 @kernel
-def _watch_entry(body: np.void, piece: np.void, a: int, space: np.void) -> None:
-    """Let the step end where the foot of an arc that is under a piece comes over it: it is looked at again then."""
-    s, poly, near = space["series"], space["poly"], AT_END * body["size"]
-    foot = _foot(body, piece, a, 0.0, s)
-    side = -1.0 if foot < piece["run_low"] else 1.0
-    out = side * (foot - (piece["run_low"] if side < 0.0 else piece["run_high"]))
-    if out < near:
+def _watch_coming(series: np.ndarray, factor: float, offset: float, near: float, space: np.void) -> None:
+    """Let the step end where ``factor`` times a series and an ``offset``, positive now, is zero: to look again then."""
+    poly = space["poly"]
+    if factor * series[0] + offset < near:
         return
-    tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
-    for k in range(1, ORDER + 1):
-        poly[k] = tx * s["x"][k] + ty * s["y"][k]
-        poly[k] = side * (poly[k] + (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k])
-    poly[0] = out
+    for k in range(ORDER + 1):
+        poly[k] = factor * series[k]
+    poly[0] += offset
     look(space, 0, NOTHING, 0, 0)
+
+
+@kernel
+def _watch_entry(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, space: np.void) -> None:
+    """Let the step end where an arc that is under a piece, or in a bend, comes over it: it is looked at again then."""
+    s, row, near = space["series"], space["terms"][2], AT_END * body["size"]
+    low, high, cx, cy = 0.0, 0.0, body["cx"][a], body["cy"][a]
+    if kind == ARC_PIECE:
+        low, high = reach_along(body, pieces, a, j)
+    for end in range(2):
+        piece, place = pieces[j], low if end == 0 else high
+        x, y = piece["x"], piece["y"]
+        if kind == ARC_BEND:
+            x, y = piece["qx"], piece["qy"]
+            if end == 0:
+                piece = pieces[j - 1]
+        if not abs(place) < math.inf:
+            continue
+        tx, ty = piece["tx"], piece["ty"]
+        for k in range(ORDER + 1):
+            row[k] = tx * s["x"][k] + ty * s["y"][k]
+            row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
+        row[0] -= tx * x + ty * y + place
+        _watch_coming(row, -1.0 if end == 0 else 1.0, 0.0, near, space)
 
 
 @kernel
@@ -99,14 +142,15 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
 
     It touches at once if it closes, or else it is looked at again when it does.
     """
-    poly, event, near = space["poly"], space["event"], SAME_PLACE * body["size"]
-    piece, reached = pieces[j], _in_reach(body, pieces, kind, a, j, 0.0, space)
-    if kind == ARC_PIECE and reached and gap < -near:  # a foot at a crest is about to leave, or has just left
-        foot, margin = _foot(body, piece, a, 0.0, space["series"]), AT_END * body["size"]
-        reached = piece["run_low"] + margin < foot < piece["run_high"] - margin
-    if not reached:
-        if kind == ARC_PIECE:
-            _watch_entry(body, piece, a, space)
+    poly, event = space["poly"], space["event"]
+    margin, inside = 0.0, gap < -SAME_PLACE * body["size"]
+    if inside and space["contacts"]["count"] == MOST_CONTACTS:
+        return  # it may be one of two that have become one to make room: others hold the body there
+    if inside and (kind == ARC_PIECE or pieces[j]["radius"] > 0.0):
+        margin = AT_END * body["size"]  # a foot at an end is about to leave, or has just left
+    if not _in_reach(body, pieces, kind, a, j, 0.0, margin, space):
+        if kind == ARC_PIECE or (kind == ARC_BEND and pieces[j]["radius"] > 0.0):
+            _watch_entry(body, pieces, kind, a, j, space)
         return
     first = first_term(body, space)
     if poly[first] < 0.0:
@@ -150,7 +194,7 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
     t = first_zero(poly, event["time"], zeros, space["stack"])
     if not (t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"])):
         return
-    if _in_reach(body, pieces, kind, a, j, t, space):
+    if _in_reach(body, pieces, kind, a, j, t, 0.0, space):
         event["time"], event["code"], event["who"], event["side"], event["piece"] = t, BORN, kind, a, j
     elif motion["t"] + t > motion["t"]:  # from there on it is looked at anew
         event["time"], event["code"] = t, NOTHING
@@ -158,13 +202,18 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
 
 @kernel
 def touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
-    """Whether an arc touches a piece, or another one of its circle or that joins it smoothly: one lowest point."""
+    """Whether an arc touches a piece, or another one of its circle or that joins it smoothly: one lowest point.
+
+    An arc that touches a round bend at an end of the piece comes to the piece from there.
+    """
     arcs = int(body["arcs"])
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
+        b = contact["arc"]
+        if contact["kind"] == ARC_BEND and a == b and contact["radius"] > 0.0 and 0 <= contact["piece"] - j <= 1:
+            return True
         if contact["kind"] != ARC_PIECE or contact["piece"] != j:
             continue
-        b = contact["arc"]
         if same_arc(body, a, b) or (b == (a + 1) % arcs and body["smooth"][a] != 0.0):
             return True
         if a == (b + 1) % arcs and body["smooth"][b] != 0.0:
@@ -186,7 +235,8 @@ def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, m
         return
     foot = along_piece(piece, s["x"][0] + cosine * cx - sine * cy, s["y"][0] + sine * cx + cosine * cy)
     span = reach[X] + reach[Y] + body["h"][a] * (reach[SINE] + reach[COSINE])
-    if foot + span < piece["run_low"] or foot - span > piece["run_high"]:
+    low, high = reach_along(body, pieces, a, j)
+    if foot + span < low or foot - span > high:
         return
     for k in range(1, ORDER + 1):
         poly[k] = tx * s["y"][k] - ty * s["x"][k] + gs * s["sine"][k] + gc * s["cosine"][k]
@@ -276,15 +326,15 @@ def _watch_inside(body: np.void, code: int, space: np.void) -> None:
 
 
 @kernel
-def _square_distance(cx: float, cy: float, bx: np.ndarray, by: np.ndarray, poly: np.ndarray) -> None:
-    """Write the series of the squared distance of a crest from a centre, both in the frame of the body."""
+def _square_distance(cx: float, cy: float, factor: float, bx: np.ndarray, by: np.ndarray, poly: np.ndarray) -> None:
+    """Write ``factor`` times the series of the squared distance of a bend from a centre, in the frame of the body."""
     x, y = bx[0], by[0]
     bx[0], by[0] = x - cx, y - cy
     for k in range(ORDER + 1):
         total = 0.0
         for i in range(k + 1):
             total += bx[i] * bx[k - i] + by[i] * by[k - i]
-        poly[k] = total
+        poly[k] = factor * total
     bx[0], by[0] = x, y
 
 
@@ -306,54 +356,130 @@ def _watch_feature(
 
 
 @kernel
-def _watch_side(body: np.void, pieces: np.ndarray, i: int, j: int, far: float, nearest: bool, space: np.void) -> None:
-    """Watch a crest come to a straight side, which moves by ``far`` [m] at most."""
-    x, y, poly = space["terms"][0], space["terms"][1], space["poly"]
-    px, py, ox, oy = x[0] - body["sx"][i], y[0] - body["sy"][i], body["ox"][i], body["oy"][i]
-    gap, place, length = ox * px + oy * py, oy * px - ox * py, body["length"][i]
-    if length > 0.0 and abs(gap) < far and -far < place < length + far:
-        for k in range(ORDER + 1):
-            poly[k] = ox * x[k] + oy * y[k]
-        poly[0] = gap
-        _watch_feature(body, pieces, SIDE_CREST, i, j, gap, nearest, space)
+def _write_place_in_body(x: float, y: float, space: np.void) -> None:
+    """Write the series of a place of the ground in the frame of the body."""
+    for k in range(ORDER + 1):
+        place_in_body(x, y, space["series"], space["terms"][0], space["terms"][1], k)
 
 
 @kernel
-def _watch_bend(body: np.void, pieces: np.ndarray, i: int, j: int, far: float, nearest: bool, space: np.void) -> None:
-    """Watch a crest come to an arc, which moves by ``far`` [m] at most."""
+def _watch_side(
+    body: np.void, pieces: np.ndarray, i: int, j: int, far: float, move: float, nearest: bool, space: np.void
+) -> None:
+    """Watch a crest come to a straight side, along which it moves by ``far`` [m] at most, and by ``move`` towards it."""
+    s, piece = space["series"], pieces[j]
+    sine, cosine = s["sine"][0], s["cosine"][0]
+    ahead = 2.0 * AT_END * sign_of(s["omega"][0])  # where it is parallel to a piece now, the part that comes counts
+    part = part_of_bend(body, pieces, i, j, sine + ahead * cosine, cosine - ahead * sine)
     x, y, poly = space["terms"][0], space["terms"][1], space["poly"]
-    ex, ey = x[0] - body["cx"][i], y[0] - body["cy"][i]
-    gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
-    if abs(gap) < far:
-        _square_distance(body["cx"][i], body["cy"][i], x, y, poly)
-        poly[0] = gap * (gap + 2.0 * body["r"][i])
-        _watch_feature(body, pieces, ARC_CREST, i, j, gap, nearest, space)
+    qx, qy, radius = centre_of_part(piece, part)
+    ox, oy, length, bx, by = body["ox"][i], body["oy"][i], body["length"][i], x[0], y[0]
+    if part != ON_ARC:
+        dx, dy = qx - s["x"][0], qy - s["y"][0]
+        bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
+    px, py = bx - body["sx"][i], by - body["sy"][i]
+    gap, place = ox * px + oy * py - radius, oy * px - ox * py
+    if not (length > 0.0 and abs(gap) < move and -far < place < length + far):
+        return
+    if part != ON_ARC:
+        _write_place_in_body(qx, qy, space)
+    for k in range(ORDER + 1):
+        poly[k] = ox * x[k] + oy * y[k]
+    poly[0] = gap
+    _watch_feature(body, pieces, SIDE_BEND, i, j, gap, nearest, space)
+    if piece["radius"] > 0.0:  # another part of the bend comes under the side where it is parallel to a piece
+        row, near = space["terms"][2], AT_END
+        for end in range(2):
+            beside = pieces[j - 1 + end]
+            along_s, along_c = ox * beside["ty"] - oy * beside["tx"], ox * beside["tx"] + oy * beside["ty"]
+            for k in range(ORDER + 1):
+                row[k] = along_c * s["cosine"][k] + along_s * s["sine"][k]
+            _watch_coming(row, math.copysign(1.0, row[0]), 0.0, near, space)
+    if part != ON_ARC:
+        _write_place_in_body(piece["qx"], piece["qy"], space)
 
 
 @kernel
-def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> None:
-    """Watch a crest come to an arc or a side of the body, which it touches once."""
+def _watch_arc_bend(
+    body: np.void, pieces: np.ndarray, i: int, j: int, move: float, nearest: bool, space: np.void
+) -> None:
+    """Watch an arc come to a bend, towards which it moves by ``move`` [m] at most."""
+    x, y, poly, piece = space["terms"][0], space["terms"][1], space["poly"], pieces[j]
+    ex, ey, sign = x[0] - body["cx"][i], y[0] - body["cy"][i], piece["bend"]
+    distance, touching = math.sqrt(ex * ex + ey * ey), piece["radius"] + sign * body["r"][i]
+    gap = sign * (distance - touching)
+    if not abs(gap) < move:
+        return
+    _square_distance(body["cx"][i], body["cy"][i], sign / (distance + touching), x, y, poly)
+    poly[0] = gap
+    if sign > 0:
+        _watch_feature(body, pieces, ARC_BEND, i, j, gap, nearest, space)
+    else:
+        _watch_touch(body, pieces, ARC_BEND, i, j, gap, space)
+
+
+@kernel
+def _arc_touches_bend(body: np.void, contacts: np.void, a: int, j: int) -> bool:
+    """Whether an arc, or one that joins it smoothly, touches a bend; or whether the arc touches a piece beside it."""
+    arcs = int(body["arcs"])
+    for c in range(contacts["count"]):
+        contact = contacts["at"][c]
+        b = contact["arc"]
+        if contact["kind"] == ARC_PIECE and a == b and 0 <= j - contact["piece"] <= 1:
+            return True
+        if contact["kind"] == ARC_BEND and contact["piece"] == j:
+            joined = (b == (a + 1) % arcs and body["smooth"][a] != 0.0) or (
+                a == (b + 1) % arcs and body["smooth"][b] != 0.0
+            )
+            if a == b or joined:
+                return True
+    return False
+
+
+@kernel
+def _watch_bend(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> None:
+    """Watch a bend come to the body: a crest to an arc or a side, which it touches once, a round dip to arcs."""
     s, reach, contacts = space["series"], space["reach"], space["contacts"]
     size, piece = body["size"], pieces[j]
-    dx, dy = piece["x"] - s["x"][0], piece["y"] - s["y"][0]
-    along = reach[X] + reach[Y]
-    if dx * dx + dy * dy > (size + along) * (size + along):
+    radius, sign = piece["radius"], piece["bend"]
+    dx, dy = piece["qx"] - s["x"][0], piece["qy"] - s["y"][0]
+    along, turning = reach[X] + reach[Y], reach[SINE] + reach[COSINE]
+    out, wide = math.sqrt(dx * dx + dy * dy), size + along
+    if (sign > 0 and out > radius + wide) or (sign < 0 and out + wide < radius):
         return
-    for c in range(contacts["count"]):
-        if contacts["at"][c]["kind"] != ARC_PIECE and contacts["at"][c]["piece"] == j:
+    if radius > 0.0:
+        before = pieces[j - 1]
+        if dx * before["tx"] + dy * before["ty"] > wide or dx * piece["tx"] + dy * piece["ty"] < -wide:
             return
+    if sign > 0:
+        for c in range(contacts["count"]):
+            if contacts["at"][c]["kind"] != ARC_PIECE and contacts["at"][c]["piece"] == j:
+                return
     sine, cosine = s["sine"][0], s["cosine"][0]
-    far = along + (abs(dx) + abs(dy) + along) * (reach[SINE] + reach[COSINE]) + SAME_PLACE * size
-    nearest, code = _nearest_feature(body, cosine * dx + sine * dy, cosine * dy - sine * dx)
-    if nearest > far:
+    bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
+    far = along + (abs(dx) + abs(dy) + along) * turning + SAME_PLACE * size
+    move = min(far, along + (size + far) * turning + SAME_PLACE * size)
+    if sign < 0:
+        written = False
+        for i in range(int(body["arcs"])):
+            if can_touch(body, piece, i) and not _arc_touches_bend(body, contacts, i, j):
+                if not written:
+                    _write_place_in_body(piece["qx"], piece["qy"], space)
+                    written = True
+                _watch_arc_bend(body, pieces, i, j, move, True, space)
         return
-    for k in range(ORDER + 1):
-        place_of_crest(piece, s, space["terms"][0], space["terms"][1], k)
-    if nearest < -far:
-        far = -2.0 * nearest
+    nearest, code = _nearest_feature(body, bx, by)
+    nearest -= radius
+    if nearest > move:
+        return
+    _write_place_in_body(piece["qx"], piece["qy"], space)
+    if nearest < -move:
+        move = -2.0 * nearest
+        far = max(far, move)
     for i in range(int(body["arcs"])):
-        _watch_side(body, pieces, i, j, far, code == -1 - i, space)
-        _watch_bend(body, pieces, i, j, far, code == i, space)
+        _watch_side(body, pieces, i, j, far, move, code == -1 - i, space)
+        if radius == 0.0 or not _arc_touches_bend(body, contacts, i, j):
+            _watch_arc_bend(body, pieces, i, j, move, code == i, space)
     if nearest < -SAME_PLACE * size:
         _watch_inside(body, code, space)
 
@@ -362,10 +488,14 @@ def _watch_crest(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
 def watch_others(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     """Let the step end where the first pair of features comes to touch that does not touch yet."""
     _measure_reach(space)
-    reach, size, x = space["reach"], body["size"], space["series"]["x"][0]
-    begin = first_piece(pieces, x - reach[X] - size)
-    end = first_piece(pieces, x + reach[X] + size)
-    for j in range(begin, end + 1):
+    reach, size, x, last = space["reach"], body["size"], space["series"]["x"][0], pieces.shape[0] - 1
+    begin, end = x - reach[X] - size, x + reach[X] + size
+    first = first_piece(pieces, begin)
+    if first > 0 and pieces[first]["ex"] > begin:
+        first -= 1
+    j = first
+    while j <= last and (j == first or pieces[j]["bx"] <= end):
         _watch_piece(body, pieces, j, space)
-        if j > begin and pieces[j]["turn"] < 0.0:
-            _watch_crest(body, pieces, j, space)
+        if j > first and pieces[j]["bend"] != 0:
+            _watch_bend(body, pieces, j, space)
+        j += 1

@@ -7,7 +7,7 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, place, touching_place, velocities
+from sledenv.kernel.geometry import ARC_PIECE, ON_ARC, SIDE_BEND, part_of_bend, place, touching_place, velocities
 from sledenv.kernel.ground import GROUND
 from sledenv.kernel.records import CONTACT_LOSSES, MOST_CONTACTS
 
@@ -33,7 +33,8 @@ CONTACT: Final = np.dtype(
     [
         ("kind", "i8"),  # see geometry.py
         ("arc", "i8"),  # of the body; of a side the arc where it begins
-        ("piece", "i8"),  # of the ground; of a crest the piece that begins there
+        ("piece", "i8"),  # of the ground; of a bend the piece that begins there
+        ("bend_part", "i8"),  # of the bend that a side touches
         ("zone", "i8"),  # of the ground, in which it lies
         *fields("i8", "gap_sign slip_sign gap_still slip_still"),
         *fields("i8", "gap_left slip_left"),  # signs with which velocities have been released at this instant, or 0
@@ -49,6 +50,8 @@ CONTACT: Final = np.dtype(
         # [m] how much deeper its features are in each other than its spring is pressed: the depth at which they began, or
         # less than zero of two contacts that have become one
         ("deeper", "f8"),
+        *fields("f8", "qx qy radius"),  # [m] centre and radius of the part of the bend that is touched,
+        ("bend", "f8"),  # and 1 of a crest, -1 of a dip
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
         ("opening", "f8"),  # [N/m] and while it opens
         ("friction", "f8"),  # [-]
@@ -64,8 +67,8 @@ CONTACTS: Final = np.dtype(
     ]
 )
 
-# Power series in time [s] of one step: of a contact, and of what all contacts share. distance, dx, dy: from a crest to
-# the centre of an arc; nx, ny: of its normal; bx, by: the place of a crest in the frame of the body.
+# Power series in time [s] of one step: of a contact, and of what all contacts share. distance, dx, dy: from the
+# centre of a bend to that of an arc; nx, ny: of its normal; bx, by: the place of a bend in the frame of the body.
 TERMS: Final = np.dtype(fields("f8", "gap gap_rate slip normal force distance dx dy nx ny bx by", (WIDTH,)))
 # sw, cw: sine and cosine times the spin; gs, gc: forces on arcs times the places of their centres.
 SERIES: Final = np.dtype(
@@ -205,7 +208,7 @@ def zone_at(ground: np.void, x: float) -> int:
 def write_surface(body: np.void, ground: np.void, contact: np.void) -> None:
     """Write friction and rolling arm of the zone in which a contact lies."""
     zone = contact["zone"]
-    corner = contact["kind"] != SIDE_CREST and body["corner"][contact["arc"]] != 0.0
+    corner = contact["kind"] != SIDE_BEND and body["corner"][contact["arc"]] != 0.0
     contact["friction"] = ground["friction"][zone]
     contact["arm"] = ground["corner_arm"][zone] if corner else ground["arc_arm"][zone]
 
@@ -216,13 +219,18 @@ def add(body: np.void, pieces: np.ndarray, space: np.void, kind: int, arc: int, 
     contacts, ground, motion = space["contacts"], space["ground"], space["motion"]
     contact = contacts["at"][contacts["count"]]
     contact["kind"], contact["arc"], contact["piece"], contact["gap"] = kind, arc, piece, 0.0
+    contact["bend_part"] = ON_ARC
+    if kind == SIDE_BEND:
+        contact["bend_part"] = part_of_bend(body, pieces, arc, piece, motion["sine"], motion["cosine"])
     place(body, pieces, motion, contact)
     contact["gap_rate"], contact["slip"] = velocities(motion, contact)
     contact["gap_sign"] = contact["slip_sign"] = contact["gap_still"] = contact["slip_still"] = 0
     contact["gap_left"] = contact["slip_left"] = 0
     contact["zone"] = 0
     if ground["count"] > 1.0:
-        x = touching_place(motion, contact)[0] if kind == ARC_PIECE else pieces[piece]["x"]
+        x = pieces[piece]["x"]
+        if kind == ARC_PIECE or pieces[piece]["radius"] > 0.0:
+            x = touching_place(motion, contact)[0]
         contact["zone"] = zone_at(ground, x)
     contact["closing"], contact["opening"] = ground["closing"][contact["zone"]], ground["opening"][contact["zone"]]
     write_surface(body, ground, contact)

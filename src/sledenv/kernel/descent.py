@@ -23,8 +23,8 @@ from sledenv.kernel.candidates import watch_others
 from sledenv.kernel.carry import carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
-from sledenv.kernel.features import pass_on
-from sledenv.kernel.geometry import height_at, heights_within, place
+from sledenv.kernel.features import make_room, pass_on
+from sledenv.kernel.geometry import DEEPEST, height_at, heights_within, place
 from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
@@ -53,7 +53,6 @@ LARGEST: Final = 1e-4
 FAR: Final = 1e3  # times what is left: how long a step may be that is cut off there
 NEAR: Final = 0.3  # sizes that a step of a flight near a profile goes, for few pieces lie under it,
 AHEAD: Final = 2.0  # and as far as the body is above all of the profile that lies within so many sizes of it
-DEEPEST: Final = 0.25  # of the size: how deep a point of the body may be in the ground
 THIN: Final = 0.05  # of the size: height of the mass centre of a body that lies, below which that is thin
 CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
 AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
@@ -259,7 +258,7 @@ def _be_born(
 ) -> int:
     """Add the pair that has come to touch to the contacts; return the status."""
     contacts, event = space["contacts"], space["event"]
-    if contacts["count"] == MOST_CONTACTS:
+    if contacts["count"] == MOST_CONTACTS and not make_room(body, pieces, contacts):
         return BURIED
     add(body, pieces, space, event["who"], event["side"], event["piece"])
     contact = contacts["at"][contacts["count"] - 1]
@@ -444,7 +443,7 @@ def _step(
             status = _hold(body, pieces, slope, limits, flight, log, space)
         if status != RUNNING:
             return RUNNING if status == AGAIN else status
-    expand(body, pieces, slope, space)
+    expand(body, slope, space)
     if rigid and contacts["count"] == 1:
         load = space["series"]["of"][0]["normal"][0]
         if not 0.0 <= load <= most_normal(body, slope, space["rebound"]):
@@ -482,7 +481,7 @@ def descend(
     ----------
     body : record of BODY
     pieces : ndarray of PIECE
-        The ground, see :func:`sledenv.kernel.geometry.lay`.
+        The ground, see :func:`sledenv.kernel.geometry.build_pieces`.
     slope : Incline
     limits : Limits
     flight : record of OUTCOME

@@ -16,7 +16,7 @@ from sledenv.kernel.batch import Lanes, descend_lanes
 from sledenv.kernel.books import close_books, trim
 from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.contacts import IMPACT, SPACE
-from sledenv.kernel.geometry import PIECE, lay
+from sledenv.kernel.geometry import PIECE, build_pieces, height_at
 from sledenv.kernel.outline import BODY, complete, lowest_arms
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, incline_of, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
@@ -54,6 +54,12 @@ def _lowest(bodies: np.ndarray, phi: np.ndarray, arcs: np.ndarray, arms: np.ndar
         arcs[i], arms[i, 0], arms[i, 1] = lowest_arms(body, wrap(phi[i]))
 
 
+def _heights(pieces: np.ndarray, x: np.ndarray, heights: np.ndarray) -> None:
+    """Write the heights of the ground at places."""
+    for i in range(x.shape[0]):
+        heights[i] = height_at(pieces, x[i])
+
+
 def _directions(phi: np.ndarray, cosine: np.ndarray, sine: np.ndarray) -> None:
     for i in range(phi.shape[0]):
         sine[i], cosine[i] = sine_cosine(wrap(phi[i]))
@@ -71,7 +77,8 @@ _LANES = Group(Lanes, (_BODIES, _ROWS, _ROWS, _ROWS, _ROWS, _ROWS, _PIECES))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
 run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _LANES, _WRITTEN, _SPACES, int)
-run_lay: Final = LIBRARY.entry("lay", lay, _ROWS, _PIECES)
+run_lay: Final = LIBRARY.entry("lay", build_pieces, _ROWS, _PIECES)
+run_heights: Final = LIBRARY.entry("heights", _heights, _PIECES, _DOUBLES, _DOUBLES)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
 run_collision: Final = LIBRARY.entry(
@@ -95,7 +102,7 @@ def _known() -> str:
     limits = Limits(3.0, 1e5, 1e-12, 0.01, 12.0, 0.0, 0.0, 0.0, 1e6, 0.0)
     compliant, rigid = ContactLaw(1e5, 0.5, 0.1, 1e-3, 1e-3), RigidLaw(0.5, 0.1, 1e-3, 1e-3, 1e-3)
     digest = hashlib.sha256()
-    vertices = np.array([[0.6, 0.0], [1.2, 0.1], [1.4, 0.0]])
+    vertices = np.array([[0.6, 0.0, 0.0], [1.2, 0.1, 0.0], [1.4, 0.0, 0.0]])
     plane, bumps = np.zeros(1, PIECE), np.zeros(4, PIECE)
     run_lay(vertices[:0], plane)
     run_lay(vertices, bumps)

@@ -14,11 +14,12 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sixteenth_root
 from sledenv.kernel.contacts import ORDER, PER
-from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
 
 MOST_TURN: Final = 1.0  # [rad] of a body in a step: the first term left out of sine and cosine is then 3e-15
-OF_CREST: Final = 0.2  # part of the distance from a crest to the centre of an arc that a step may go
+OF_BEND: Final = 0.2  # part of the distance from the centre of a bend to that of an arc that a step may go
+OF_LOAD: Final = 1e-11  # part of a locked load that its last terms may be
 LONGEST: Final = 1e17  # [s] a step, so that all of its powers are finite
 
 
@@ -41,10 +42,10 @@ def product(p: np.ndarray, q: np.ndarray, k: int) -> float:
 
 
 @kernel
-def place_of_crest(piece: np.void, s: np.void, bx: np.ndarray, by: np.ndarray, k: int) -> None:
-    """Write the term of order ``k`` of the place of a crest in the frame of the body."""
+def place_in_body(px: float, py: float, s: np.void, bx: np.ndarray, by: np.ndarray, k: int) -> None:
+    """Write the term of order ``k`` of a place of the ground in the frame of the body."""
     x, y, sine, cosine = s["x"], s["y"], s["sine"], s["cosine"]
-    px, py = piece["x"] - x[0], piece["y"] - y[0]
+    px, py = px - x[0], py - y[0]
     along, across = cosine[k] * px + sine[k] * py, cosine[k] * py - sine[k] * px
     for i in range(1, k + 1):
         along -= x[i] * cosine[k - i] + y[i] * sine[k - i]
@@ -53,7 +54,7 @@ def place_of_crest(piece: np.void, s: np.void, bx: np.ndarray, by: np.ndarray, k
 
 
 @kernel
-def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
+def _arc_on_bend(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
     """Write terms of order ``k`` of gap rate and slip, and of order ``k + 1`` of distance and normal."""
     a, m = contact["arc"], k + 1
     dx, dy, distance, nx, ny = terms["dx"], terms["dy"], terms["distance"], terms["nx"], terms["ny"]
@@ -65,7 +66,7 @@ def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k
     for i in range(1, m):
         square -= distance[i] * distance[m - i]
     distance[m] = square / (2.0 * distance[0])
-    along, up = dx[m], dy[m]
+    along, up = contact["bend"] * dx[m], contact["bend"] * dy[m]
     for i in range(1, m + 1):
         along -= distance[i] * nx[m - i]
         up -= distance[i] * ny[m - i]
@@ -73,32 +74,28 @@ def _arc_on_crest(body: np.void, contact: np.void, s: np.void, terms: np.void, k
     slip = body["r"][a] * s["omega"][k]
     for i in range(m):
         slip += (m - i) * (ny[i] * dx[m - i] - nx[i] * dy[m - i])
-    terms["gap_rate"][k], terms["slip"][k] = m * distance[m], slip
+    terms["gap_rate"][k], terms["slip"][k] = contact["bend"] * (m * distance[m]), slip
 
 
 @kernel
-def _velocities_of_crest(
-    body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
-) -> None:
-    """Write terms of order ``k`` of gap rate and slip where a crest touches, and what they need."""
+def _velocities_on_bend(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
+    """Write terms of order ``k`` of gap rate and slip where a bend touches, and what they need."""
     a, m, bx, by = contact["arc"], k + 1, terms["bx"], terms["by"]
-    place_of_crest(pieces[contact["piece"]], s, bx, by, m)
-    if contact["kind"] == ARC_CREST:
-        _arc_on_crest(body, contact, s, terms, k)
+    place_in_body(contact["qx"], contact["qy"], s, bx, by, m)
+    if contact["kind"] == ARC_BEND:
+        _arc_on_bend(body, contact, s, terms, k)
         return
     ox, oy = body["ox"][a], body["oy"][a]
     terms["gap_rate"][k] = m * (ox * bx[m] + oy * by[m])
-    turning = product(terms["gap"], s["omega"], k) - contact["deeper"] * s["omega"][k]
+    turning = product(terms["gap"], s["omega"], k) + (contact["radius"] - contact["deeper"]) * s["omega"][k]
     terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - turning
 
 
 @kernel
-def _terms_of_velocities(
-    body: np.void, pieces: np.ndarray, contact: np.void, s: np.void, terms: np.void, k: int
-) -> None:
+def _terms_of_velocities(body: np.void, contact: np.void, s: np.void, terms: np.void, k: int) -> None:
     """Write terms of order ``k`` of gap rate and slip of a contact from those of the motion, and what they need."""
     if contact["kind"] != ARC_PIECE:
-        _velocities_of_crest(body, pieces, contact, s, terms, k)
+        _velocities_on_bend(body, contact, s, terms, k)
         return
     nx, ny, gs, gc = contact["nx"], contact["ny"], contact["gs"], contact["gc"]
     u, v, sw, cw = s["u"][k], s["v"][k], s["sw"][k], s["cw"][k]
@@ -125,7 +122,7 @@ def _terms_of_places(frozen: float, s: np.void, k: int) -> None:
 
 
 @kernel
-def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, contacts: np.void, s: np.void) -> None:
+def _begin(body: np.void, frozen: float, motion: np.void, contacts: np.void, s: np.void) -> None:
     """Write the first terms of all series."""
     s["x"][0], s["y"][0], s["phi"][0] = motion["x"], motion["y"], motion["phi"]
     s["u"][0], s["v"][0], s["omega"][0] = motion["u"], motion["v"], motion["omega"]
@@ -135,17 +132,17 @@ def _begin(body: np.void, pieces: np.ndarray, frozen: float, motion: np.void, co
     _terms_of_places(frozen, s, 1)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
-        a, piece = contact["arc"], pieces[contact["piece"]]
+        a = contact["arc"]
         terms["gap"][0] = contact["gap"]
         _write_push(contact)
         if contact["kind"] != ARC_PIECE:
-            place_of_crest(piece, s, terms["bx"], terms["by"], 0)
-        if contact["kind"] == ARC_CREST:
-            dx = motion["x"] - piece["x"] + cosine * body["cx"][a] - sine * body["cy"][a]
-            dy = motion["y"] - piece["y"] + sine * body["cx"][a] + cosine * body["cy"][a]
+            place_in_body(contact["qx"], contact["qy"], s, terms["bx"], terms["by"], 0)
+        if contact["kind"] == ARC_BEND:
+            dx = motion["x"] - contact["qx"] + cosine * body["cx"][a] - sine * body["cy"][a]
+            dy = motion["y"] - contact["qy"] + sine * body["cx"][a] + cosine * body["cy"][a]
             terms["dx"][0], terms["dy"][0], terms["distance"][0] = dx, dy, math.sqrt(dx * dx + dy * dy)
             terms["nx"][0], terms["ny"][0] = contact["nx"], contact["ny"]
-        _terms_of_velocities(body, pieces, contact, s, terms, 0)
+        _terms_of_velocities(body, contact, s, terms, 0)
         terms["gap_rate"][0], terms["slip"][0] = contact["gap_rate"], contact["slip"]
         _lock_terms(contact, terms, 0)
 
@@ -163,12 +160,12 @@ def _write_push(contact: np.void) -> None:
 
 
 @kernel
-def _push_of_crest(
+def _push_on_bend(
     body: np.void, contact: np.void, s: np.void, terms: np.void, k: int
 ) -> tuple[float, float, float, float, float]:
-    """Terms of order ``k`` of the forces of a crest along x and y, of its moment, and of its parts of gs and gc."""
+    """Terms of order ``k`` of the forces of a bend along x and y, of its moment, and of its parts of gs and gc."""
     a, normal, force = contact["arc"], terms["normal"], terms["force"]
-    if contact["kind"] == SIDE_CREST:
+    if contact["kind"] == SIDE_BEND:
         ox, oy = body["ox"][a], body["oy"][a]
         sine, cosine, bx, by, gap = s["sine"], s["cosine"], terms["bx"], terms["by"], terms["gap"]
         fx = fy = moment = 0.0
@@ -177,7 +174,7 @@ def _push_of_crest(
             fx += cosine[k - i] * along - sine[k - i] * across
             fy += sine[k - i] * along + cosine[k - i] * across
             moment += bx[k - i] * across - by[k - i] * along - gap[k - i] * force[i]
-        return fx, fy, moment + contact["deeper"] * force[k], 0.0, 0.0
+        return fx, fy, moment + (contact["deeper"] - contact["radius"]) * force[k], 0.0, 0.0
     nx, ny = terms["nx"], terms["ny"]
     fx = fy = 0.0
     for i in range(k + 1):
@@ -219,7 +216,7 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
             gs, gc = gs + normal * contact["push_s"], gc + normal * contact["push_c"]
             moment += body["r"][contact["arc"]] * contact["pull"] * normal
         else:
-            x, y, turning, s_part, c_part = _push_of_crest(body, contact, s, terms, k)
+            x, y, turning, s_part, c_part = _push_on_bend(body, contact, s, terms, k)
             fx, fy, moment, gs, gc = fx + x, fy + y, moment + turning, gs + s_part, gc + c_part
     rolling = -contacts["spin_sign"] * load
     s["gs"][k], s["gc"][k], s["moment"][k] = gs, gc, rolling
@@ -235,7 +232,7 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
 
 @kernel
 def _locked_term(
-    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int
+    body: np.void, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int
 ) -> float:
     """Term of order ``m`` of a locked velocity without the locked forces of the order before."""
     if lock["what"] == SPIN:
@@ -243,7 +240,7 @@ def _locked_term(
     contact, terms = contacts["at"][lock["who"]], s["of"][lock["who"]]
     if contact["kind"] != ARC_PIECE:
         _terms_of_places(frozen, s, m + 1)
-    _terms_of_velocities(body, pieces, contact, s, terms, m)
+    _terms_of_velocities(body, contact, s, terms, m)
     return terms["gap_rate"][m] if lock["what"] == GAP else terms["slip"][m]  # type: ignore[no-any-return]
 
 
@@ -258,25 +255,25 @@ def _add_force(contacts: np.void, lock: np.void, force: float, s: np.void, k: in
         terms["normal"][k] += force
         terms["force"][k] += contact["pull"] * force
         s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * force
-        if contact["kind"] != SIDE_CREST:
+        if contact["kind"] != SIDE_BEND:
             s["gs"][k] += contact["push_s"] * force
             s["gc"][k] += contact["push_c"] * force
     else:
         terms["force"][k] += force
-        if contact["kind"] != SIDE_CREST:
+        if contact["kind"] != SIDE_BEND:
             s["gs"][k] -= contact["gc"] * force
             s["gc"][k] += contact["gs"] * force
 
 
 @kernel
 def _add_locked(
-    body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int
+    body: np.void, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int
 ) -> None:
     """Add the locked forces of order ``k``, with which locked velocities have no term of order ``k + 1``."""
     m = k + 1
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
-        lock["force"] = _locked_term(body, pieces, frozen, contacts, lock, s, m)
+        lock["force"] = _locked_term(body, frozen, contacts, lock, s, m)
     solve_locks(choice)
     u, v, omega = s["u"][m], s["v"][m], s["omega"][m]
     before = omega
@@ -293,12 +290,12 @@ def _add_locked(
 
 
 @kernel
-def _terms_of_motion(body: np.void, pieces: np.ndarray, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
+def _terms_of_motion(body: np.void, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
     """Write what follows from terms of order ``k`` of the velocities of the body."""
     _terms_of_places(frozen, s, k + 1)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
-        _terms_of_velocities(body, pieces, contact, s, terms, k)
+        _terms_of_velocities(body, contact, s, terms, k)
         _lock_terms(contact, terms, k)
 
 
@@ -316,14 +313,14 @@ def _expand_flight(slope: Any, s: np.void) -> None:
 
 
 @kernel
-def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> None:
+def expand(body: np.void, slope: Any, space: np.void) -> None:
     """Write the series of a step in the mode of the contacts, which have been placed.
 
     In a ``frozen`` impact the body stays where it is: normals and levers are constant.
     """
     motion, contacts, s, choice = space["motion"], space["contacts"], space["series"], space["choice"]
     frozen = space["frozen"]
-    _begin(body, pieces, frozen, motion, contacts, s)
+    _begin(body, frozen, motion, contacts, s)
     if contacts["count"] == 0:
         _expand_flight(slope, s)
         return
@@ -332,8 +329,8 @@ def expand(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> Non
     for k in range(ORDER):
         _terms_of_forces(body, slope, contacts, s, k)
         if locked:
-            _add_locked(body, pieces, frozen, contacts, choice, s, k)
-        _terms_of_motion(body, pieces, frozen, contacts, s, k + 1)
+            _add_locked(body, frozen, contacts, choice, s, k)
+        _terms_of_motion(body, frozen, contacts, s, k + 1)
     s["moment"][ORDER] = 0.0
     for c in range(contacts["count"]):  # the last terms of locked forces are not known and below rounding
         contact, terms = contacts["at"][c], s["of"][c]
@@ -366,9 +363,13 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     if last > 0.0:
         longest = min(longest, sixteenth_root(sixteenth_root(1.0 / last) / last))  # its root of order 15, nearly
     for c in range(contacts["count"]):
-        if contacts["at"][c]["kind"] == ARC_CREST:  # its normal turns
-            terms = s["of"][c]
+        terms = s["of"][c]
+        if contacts["at"][c]["gap_sign"] == 0 and space["frozen"] == 0.0:  # loads may change where velocities do not
+            last = abs(terms["normal"][k]) / (OF_LOAD * (abs(terms["normal"][0]) + body["mass"] * slope.gravity))
+            if last > 0.0:
+                longest = min(longest, sixteenth_root(sixteenth_root(1.0 / last) / last))
+        if contacts["at"][c]["kind"] == ARC_BEND:  # its normal turns
             fast = math.sqrt(terms["dx"][1] * terms["dx"][1] + terms["dy"][1] * terms["dy"][1])
             if fast > 0.0:
-                longest = min(longest, OF_CREST * terms["distance"][0] / fast)
+                longest = min(longest, OF_BEND * terms["distance"][0] / fast)
     return longest

@@ -91,7 +91,7 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
 def _step(body: np.void, pieces: np.ndarray, approach: float, spring: float, plastic: bool, space: np.void) -> None:
     """Go to the next event."""
     motion, contacts, s, event = space["motion"], space["contacts"], space["series"], space["event"]
-    expand(body, pieces, _NO_GRAVITY, space)
+    expand(body, _NO_GRAVITY, space)
     _find_event(body, approach, space)
     t = event["time"]
     if t > 0.0:

@@ -14,7 +14,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import angle_of, sign_of
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.geometry import ARC_PIECE, SIDE_CREST, mirrored
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, ON_ARC, ON_BEGIN, ON_END, SIDE_BEND, can_touch, end_of_reach, mirrored
 from sledenv.kernel.mode import SHALLOW, all_friction
 from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
@@ -24,17 +24,19 @@ NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_F
 )
 # Ends of the feature of a contact, told as the side of an event FEATURE.
 (
-    FOOT_BEGIN,  # the foot of an arc comes to the crest where the run of its piece begins,
-    FOOT_END,  # or to that where it ends
+    FOOT_BEGIN,  # the foot of an arc on a piece comes to the bend before,
+    FOOT_END,  # or behind
     ARC_LOW,  # a piece comes to an end of an arc that another arc joins
     ARC_HIGH,
-    CONE_BEGIN,  # the normal on a crest becomes that of the piece before,
-    CONE_END,  # or of the one behind
-    CREST_LOW,  # a crest comes to an end of an arc
-    CREST_HIGH,
+    BEND_BEGIN,  # the normal of an arc on a bend becomes that of the piece before,
+    BEND_END,  # or of the one behind
+    OF_ARC_LOW,  # a bend comes to an end of an arc
+    OF_ARC_HIGH,
     SIDE_BEGIN,  # or of a side
     SIDE_END,
-) = range(10)
+    NORMAL_BEGIN,  # a side on a bend is parallel to the piece before,
+    NORMAL_END,  # or to the one behind
+) = range(12)
 TIED: Final = 1e-13  # part of a time: events nearer than this are at the same time, and the first in order counts
 STILL: Final = 1e-15  # of the speed: a smaller rate of a gap is zero
 STEADY_RATE: Final = 1e-14  # of the acceleration: a smaller rate of that rate is zero
@@ -207,9 +209,9 @@ def _watch_end(
 def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, space: np.void) -> None:
     """Watch where an arc touches its piece, and which part of the arc does."""
     s, row, near = space["series"], space["terms"][0], AT_END * body["size"]
-    a, j = contact["arc"], contact["piece"]
-    piece = pieces[j]
-    begins, ends = piece["run_low"] > -math.inf, piece["run_high"] < math.inf
+    a, piece = contact["arc"], pieces[contact["piece"]]
+    low, begins = end_of_reach(body, pieces, a, contact["piece"], -1)
+    high, ends = end_of_reach(body, pieces, a, contact["piece"], 1)
     if begins or ends:
         tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
         for k in range(ORDER + 1):
@@ -217,9 +219,9 @@ def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, spa
             row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
         row[0] -= tx * piece["x"] + ty * piece["y"]
         if begins:
-            _watch_end(row, 1.0, -piece["run_low"], near, FEATURE, c, FOOT_BEGIN, space)
+            _watch_end(row, 1.0, -low, near, FEATURE, c, FOOT_BEGIN, space)
         if ends:
-            _watch_end(row, -1.0, piece["run_high"], near, FEATURE, c, FOOT_END, space)
+            _watch_end(row, -1.0, high, near, FEATURE, c, FOOT_END, space)
     arcs = int(body["arcs"])
     before = body["smooth"][(a - 1) % arcs] != 0.0
     if arcs > 1 and (before or body["smooth"][a] != 0.0):
@@ -233,52 +235,86 @@ def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, spa
 
 
 @kernel
-def _watch_crest(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
-    """Watch where a crest touches an arc or a side, and to which of its pieces the normal comes."""
+def _watch_side(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch where a side touches a bend, and which part of the bend: its arc, or the point where that ends."""
+    s, row, near = space["series"], space["terms"][0], AT_END * body["size"]
+    i, j, part = contact["arc"], contact["piece"], contact["bend_part"]
+    ox, oy = body["ox"][i], body["oy"][i]
+    for k in range(ORDER + 1):
+        row[k] = oy * terms["bx"][k] - ox * terms["by"][k]
+    begin = oy * body["sx"][i] - ox * body["sy"][i]
+    _watch_end(row, 1.0, -begin, near, FEATURE, c, SIDE_BEGIN, space)
+    _watch_end(row, -1.0, begin + body["length"][i], near, FEATURE, c, SIDE_END, space)
+    if pieces[j]["radius"] == 0.0:
+        return
+    for end in (NORMAL_BEGIN, NORMAL_END):
+        if part == (ON_END if end == NORMAL_BEGIN else ON_BEGIN):
+            continue
+        piece = pieces[j - 1] if end == NORMAL_BEGIN else pieces[j]
+        along_s, along_c = ox * piece["ty"] - oy * piece["tx"], ox * piece["tx"] + oy * piece["ty"]
+        for k in range(ORDER + 1):  # the normal along the tangent of the piece
+            row[k] = -(along_c * s["cosine"][k] + along_s * s["sine"][k])
+        inside = 1.0 if end == NORMAL_BEGIN else -1.0
+        if part == ON_ARC:
+            _watch_end(row, inside, 0.0, AT_END, FEATURE, c, end, space)
+        else:  # back onto the arc
+            _watch_end(row, -inside, 0.0, AT_END, FEATURE, c, NORMAL_END if part == ON_BEGIN else NORMAL_BEGIN, space)
+
+
+@kernel
+def _watch_bend(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch where an arc touches a bend, to which of its pieces the normal comes, and to which end of the arc."""
     row, near = space["terms"][0], AT_END * body["size"]
     a, j = contact["arc"], contact["piece"]
-    if contact["kind"] == SIDE_CREST:
-        dx, dy = body["oy"][a], -body["ox"][a]
-        for k in range(ORDER + 1):
-            row[k] = dx * terms["bx"][k] + dy * terms["by"][k]
-        begin = dx * body["sx"][a] + dy * body["sy"][a]
-        _watch_end(row, 1.0, -begin, near, FEATURE, c, SIDE_BEGIN, space)
-        _watch_end(row, -1.0, begin + body["length"][a], near, FEATURE, c, SIDE_END, space)
-        return
-    before, after = pieces[j - 1], pieces[j]
+    before, after, sign = pieces[j - 1], pieces[j], pieces[j]["bend"]
     for k in range(ORDER + 1):
         row[k] = before["tx"] * terms["dx"][k] + before["ty"] * terms["dy"][k]
-    _watch_end(row, 1.0, 0.0, near, FEATURE, c, CONE_BEGIN, space)
+    _watch_end(row, 1.0, 0.0, near, FEATURE, c, BEND_BEGIN, space)
     for k in range(ORDER + 1):
         row[k] = after["tx"] * terms["dx"][k] + after["ty"] * terms["dy"][k]
-    _watch_end(row, -1.0, 0.0, near, FEATURE, c, CONE_END, space)
+    _watch_end(row, -1.0, 0.0, near, FEATURE, c, BEND_END, space)
     arcs = int(body["arcs"])
     if arcs == 1:
         return
     cx, cy, angle = body["cx"][a], body["cy"][a], 0.0
     if body["half"][a] > FLAT_ARC:
-        angle = from_middle(body, a, angle_of(cx - terms["bx"][0], cy - terms["by"][0]))
+        angle = from_middle(body, a, angle_of(sign * (cx - terms["bx"][0]), sign * (cy - terms["by"][0])))
     for end in range(2):  # the direction along the outline at each end of the arc
         if body["half"][a] + (angle if end == 0 else -angle) > OUT_OF_REACH:
             continue
         edge = a if end == 1 else (a - 1) % arcs
-        dx, dy = body["oy"][edge], -body["ox"][edge]
+        # In a dip sides touch with their ends, and so do arcs that are less round than it.
+        if sign < 0 and not (body["smooth"][edge] != 0.0 and can_touch(body, after, (a + 1 if end == 1 else a - 1) % arcs)):
+            continue
+        dx, dy = sign * body["oy"][edge], -sign * body["ox"][edge]
         for k in range(ORDER + 1):
             row[k] = dx * terms["bx"][k] + dy * terms["by"][k]
         row[0] -= dx * cx + dy * cy
-        _watch_end(row, -1.0 if end == 1 else 1.0, 0.0, near, FEATURE, c, CREST_LOW + end, space)
+        _watch_end(row, -1.0 if end == 1 else 1.0, 0.0, near, FEATURE, c, OF_ARC_LOW + end, space)
 
 
 @kernel
-def _watch_zone(body: np.void, contact: np.void, c: int, space: np.void) -> None:
-    """Watch where the touching point of an arc on a piece passes into another zone."""
+def _watch_zone(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.void, c: int, space: np.void) -> None:
+    """Watch where the touching point of a contact passes into another zone; that on a sharp crest stays."""
     ground, s, row = space["ground"], space["series"], space["terms"][0]
-    if not ground["count"] > 1.0 or contact["kind"] != ARC_PIECE:
+    kind, i, zone = contact["kind"], contact["arc"], contact["zone"]
+    if not ground["count"] > 1.0 or (kind != ARC_PIECE and pieces[contact["piece"]]["radius"] == 0.0):
         return
-    a, zone = contact["arc"], contact["zone"]
+    if kind == SIDE_BEND and contact["bend_part"] != ON_ARC:
+        return
     for k in range(ORDER + 1):
-        row[k] = s["x"][k] + body["cx"][a] * s["cosine"][k] - body["cy"][a] * s["sine"][k]
-    row[0] -= body["r"][a] * contact["nx"]
+        if kind == SIDE_BEND:
+            row[k] = -pieces[contact["piece"]]["radius"] * (
+                body["ox"][i] * s["cosine"][k] - body["oy"][i] * s["sine"][k]
+            )
+        else:
+            row[k] = s["x"][k] + body["cx"][i] * s["cosine"][k] - body["cy"][i] * s["sine"][k]
+            if kind == ARC_BEND:
+                row[k] -= body["r"][i] * terms["nx"][k]
+    if kind == SIDE_BEND:
+        row[0] += pieces[contact["piece"]]["qx"]
+    elif kind == ARC_PIECE:
+        row[0] -= body["r"][i] * contact["nx"]
     near = AT_END * body["size"]
     if zone > 0:
         _watch_end(row, 1.0, -ground["begin"][zone], near, ZONE, c, -1, space)
@@ -296,9 +332,11 @@ def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
         watch_slip(contact, terms, c, space)
         if contact["kind"] == ARC_PIECE:
             _watch_foot(body, pieces, contact, c, space)
-            _watch_zone(body, contact, c, space)
+        elif contact["kind"] == ARC_BEND:
+            _watch_bend(body, pieces, contact, terms, c, space)
         else:
-            _watch_crest(body, pieces, contact, terms, c, space)
+            _watch_side(body, pieces, contact, terms, c, space)
+        _watch_zone(body, pieces, contact, terms, c, space)
     if contacts["count"] > 0:
         watch_spin(contacts, space)
 

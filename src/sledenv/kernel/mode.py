@@ -14,7 +14,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
-from sledenv.kernel.geometry import ARC_CREST, SIDE_CREST, mirrored, place, velocities
+from sledenv.kernel.geometry import ARC_BEND, SIDE_BEND, mirrored, place, velocities
 from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.rest import hold
 
@@ -205,16 +205,15 @@ def solve_locks(choice: np.void) -> None:
 
 
 @kernel
-def _write_drifts(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void, share: np.void) -> None:
+def _write_drifts(body: np.void, motion: np.void, contact: np.void, share: np.void) -> None:
     """Write how gap rate and slip change without any force, because normal and lever turn."""
     omega, s, c = motion["omega"], motion["sine"], motion["cosine"]
-    a, piece = contact["arc"], pieces[contact["piece"]]
-    square = omega * omega
-    px, py = piece["x"] - motion["x"], piece["y"] - motion["y"]
-    if contact["kind"] == SIDE_CREST:
+    a, square = contact["arc"], omega * omega
+    px, py = contact["qx"] - motion["x"], contact["qy"] - motion["y"]
+    if contact["kind"] == SIDE_BEND:
         bx, by = c * px + s * py, c * py - s * px
         ux, uy = c * motion["u"] + s * motion["v"], c * motion["v"] - s * motion["u"]
-        ddx, ddy = -2.0 * omega * uy - square * bx, 2.0 * omega * ux - square * by  # of the crest, seen from the body
+        ddx, ddy = -2.0 * omega * uy - square * bx, 2.0 * omega * ux - square * by  # of the bend, seen from the body
         ox, oy = body["ox"][a], body["oy"][a]
         share["gap_drift"] = ox * ddx + oy * ddy
         share["slip_drift"] = oy * ddx - ox * ddy - contact["gap_rate"] * omega
@@ -222,10 +221,10 @@ def _write_drifts(body: np.void, pieces: np.ndarray, motion: np.void, contact: n
     rx, ry = c * body["cx"][a] - s * body["cy"][a], s * body["cx"][a] + c * body["cy"][a]
     nx, ny = contact["nx"], contact["ny"]
     along_n, along_t = -square * (nx * rx + ny * ry), -square * (ny * rx - nx * ry)
-    if contact["kind"] == ARC_CREST:
+    if contact["kind"] == ARC_BEND:
         vx, vy = motion["u"] - omega * ry, motion["v"] + omega * rx
         ex, ey = rx - px, ry - py
-        turning = (ny * vx - nx * vy) / math.sqrt(ex * ex + ey * ey)
+        turning = (ny * vx - nx * vy) / (contact["bend"] * math.sqrt(ex * ex + ey * ey))
         along_n += (ny * vx - nx * vy) * turning
         along_t -= (nx * vx + ny * vy) * turning
     share["gap_drift"], share["slip_drift"] = along_n, along_t
@@ -667,7 +666,7 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
         for c in range(contacts["count"]):
             choice["share"][c]["gap_drift"] = choice["share"][c]["slip_drift"] = 0.0
             if not frozen:
-                _write_drifts(body, pieces, motion, contacts["at"][c], choice["share"][c])
+                _write_drifts(body, motion, contacts["at"][c], choice["share"][c])
         side = mirrored(motion)
         if motion["u"] == 0.0 and motion["v"] == 0.0 and motion["omega"] == 0.0:
             if choice["zeros"] > MOST_TRIED and choice["rigid"] == 0.0:

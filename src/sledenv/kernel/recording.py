@@ -10,7 +10,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, sine_cosine, wrap
 from sledenv.kernel.books import ground_of, part_of, side_that_lies
 from sledenv.kernel.expansion import value
-from sledenv.kernel.geometry import ARC_CREST, ARC_PIECE, SIDE_CREST
+from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.mode import NEARLY
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import MOST_CONTACTS
@@ -51,18 +51,19 @@ def _write_place(body: np.void, pieces: np.ndarray, contact: np.void, row: np.vo
         row["x"] + cosine * body["cx"][a] - sine * body["cy"][a],
         row["y"] + sine * body["cx"][a] + cosine * body["cy"][a],
     )
-    if contact["kind"] == SIDE_CREST:
+    if contact["kind"] == SIDE_BEND:
         nx, ny = -(cosine * body["ox"][a] - sine * body["oy"][a]), -(sine * body["ox"][a] + cosine * body["oy"][a])
-    elif contact["kind"] == ARC_CREST:
-        ex, ey = x - piece["x"], y - piece["y"]
-        distance = np.sqrt(ex * ex + ey * ey)
+    elif contact["kind"] == ARC_BEND:
+        ex, ey = x - contact["qx"], y - contact["qy"]
+        distance = contact["bend"] * np.sqrt(ex * ex + ey * ey)
         nx, ny = ex / distance, ey / distance
     out["normal_x"], out["normal_y"] = nx, ny
     if contact["kind"] == ARC_PIECE:
         height = nx * (x - piece["x"]) + ny * (y - piece["y"])
         out["x"], out["y"] = x - height * nx, y - height * ny
     else:
-        out["x"], out["y"] = piece["x"], piece["y"]
+        out["x"] = contact["qx"] + contact["bend"] * contact["radius"] * nx
+        out["y"] = contact["qy"] + contact["bend"] * contact["radius"] * ny
     out["part"], out["ground"] = int(part_of(body, contact)), int(ground_of(contact))
 
 

@@ -280,7 +280,7 @@ def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
 
 def given_values(body: Body, law: ContactLaw, slope: Slope, launch: State) -> dict[str, float]:
     """Return what the sliders show of a descent, in SI units."""
-    place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.profile])
+    place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.ground])
     (lowest,) = resting_heights(body.record, *place, tracks).tolist()
     return {
         "orientation": launch.phi,

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from typing import Final, NamedTuple
 
 import numpy as np
 
-from sledenv.simulation.scene import Slope, tangents
+from sledenv.simulation.scene import Slope, pieces_of, tangents
 
+_CHORD: Final = math.radians(3.0)  # by which a chord of a bend turns
 LINE: Final = "#788a9c"  # around a band, with which one as slippery as the ground around it is seen
 _ICE, _SNOW, _MAT = (200, 231, 252), (216, 221, 227), (152, 162, 172)  # as slippery as can be, as the ground, rough
 
@@ -18,7 +20,7 @@ def surface(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
 
     Parameters
     ----------
-    vertices : ndarray, shape (n, 2)
+    vertices : ndarray, shape (n, 3) or (n, 2)
         ``Slope.vertices``, or a line that this function has returned and that goes further.
     left, right : float
         Along the slope [m].
@@ -26,11 +28,27 @@ def surface(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
     Returns
     -------
     ndarray, shape (m, 2)
-        Columns x, y [m] in the slope frame, m >= 2: both places, and the vertices between them.
+        Columns x, y [m] in the slope frame, m >= 2: both places, and the vertices between them, or points of their
+        bends, so close that a chord turns by less than 3 degrees.
     """
-    between = vertices[(left < vertices[:, 0]) & (vertices[:, 0] < right)]
-    heights = np.interp([left, right], *vertices.T) if len(vertices) else np.zeros(2)
+    line = _line(vertices) if vertices.shape[1] == 3 else vertices
+    between = line[(left < line[:, 0]) & (line[:, 0] < right)]
+    heights = np.interp([left, right], *line.T) if len(line) else np.zeros(2)
     return np.insert(np.stack([[left, right], heights], axis=-1), 1, between, axis=0)
+
+
+def _line(vertices: np.ndarray) -> np.ndarray:
+    """Return vertices, and points of bends in place of those that have a radius, shape (m, 2)."""
+    if not vertices[:, 2].any():
+        return vertices[:, :2]
+    points: list[np.ndarray] = []
+    pieces = pieces_of(vertices)
+    for before, bend in itertools.pairwise(pieces):
+        count = math.ceil(abs(bend["tilt"] - before["tilt"]) / _CHORD)
+        tilts = before["tilt"] + (bend["tilt"] - before["tilt"]) * np.linspace(0.0, 1.0, count + 1)
+        out = bend["bend"] * bend["radius"] * np.stack([-np.sin(tilts), np.cos(tilts)], axis=-1)
+        points.append(out + [bend["qx"], bend["qy"]] if bend["radius"] > 0.0 else np.array([[bend["x"], bend["y"]]]))
+    return np.concatenate(points)
 
 
 def below(line: np.ndarray, depth: float) -> np.ndarray:

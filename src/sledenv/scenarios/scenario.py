@@ -475,7 +475,8 @@ class Scenario(Document):
         angle, length, gravity, *rest = rows[0].tolist()
         fields = iter(None if math.isnan(field) else field for field in rest)
         zones = [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)]
-        return Slope(angle, length, gravity, zones, profile)
+        vertices = vertices_of(profile)
+        return Slope(angle, length, gravity, zones, vertices[:, :2], vertices[:, 2])
 
     def slopes(self, contexts: NDArray[np.float64]) -> SlopeTable:
         """Return the slopes of contexts of shape (N, 12), with one profile for all or one each.
@@ -505,7 +506,7 @@ class Scenario(Document):
             inf behind the last vertex of a ground that has fewer than M.
         """
         if self.slope_section.bumps is None:
-            return vertices_of(self.slope_section.profile)[np.newaxis]
+            return vertices_of(self.slope_section.profile)[np.newaxis, :, :2]
         return self._vertices(_rows_of(contexts)[:, _TRACK])
 
     @property

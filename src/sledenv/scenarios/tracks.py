@@ -140,7 +140,7 @@ def profiles_of(vertices: Floats) -> list[Profile]:
     """Return the profiles of grounds, N of shape (N, M, 2)."""
     counts = np.isfinite(vertices[..., 0]).sum(axis=1).tolist()
     rows = zip(vertices.tolist(), counts, strict=True)
-    return [tuple((x, y) for x, y in row[:count]) for row, count in rows]
+    return [tuple((x, y, 0.0) for x, y in row[:count]) for row, count in rows]
 
 
 def _packed(x: Floats, y: Floats, kept: NDArray[np.bool_]) -> Floats:

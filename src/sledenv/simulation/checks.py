@@ -22,7 +22,7 @@ from sledenv.simulation.scene import (
     State,
     Tracks,
     Zone,
-    crests,
+    sharp_crests,
     laid,
     level_at,
     misplaced_zones,
@@ -95,7 +95,7 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
         launch = State(*launch)
     row = np.array([[*law, *slope.row, *launch]])
     rows = row[:, : len(law)], row[:, len(law) : -len(launch)], row[:, -len(launch) :]
-    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, Tracks.of((slope.profile,))), settings)
+    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, Tracks.of((slope.ground,))), settings)
     return CheckedDescent(body, law, slope, State.found(lanes.launches[0].tolist()), lanes)
 
 
@@ -192,11 +192,11 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
 def _tracks_of(given: Slopes) -> Tracks:
     """Ground of one or of N slopes."""
     if isinstance(given, Slope):
-        return Tracks.of((given.profile,))
+        return Tracks.of((given.ground,))
     if isinstance(given, SlopeTable):
         return Tracks.of(given.profiles)
     rows: Any = () if isinstance(given, np.ndarray) or is_frame(given) else given
-    return Tracks.of([one.profile if isinstance(one, Slope) else () for one in rows])
+    return Tracks.of([one.ground if isinstance(one, Slope) else () for one in rows])
 
 
 def _width(row: Any) -> int:
@@ -280,10 +280,11 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     doubtful = sharp | (lengths - sizes < ends[numbers])  # behind the last vertex it is level
     for track in np.unique(numbers[doubtful]).tolist():
         vertices, on = tracks.vertices[track], np.flatnonzero(doubtful & (numbers == track))
-        if sharp[on].any() and crests(vertices).any():
+        if sharp[on].any() and sharp_crests(vertices).any():
             raise ValueError(
                 f"{names.body.format(lane=int(on[np.argmax(sharp[on])]))} has a sharp corner: all arcs must have a "
-                "radius > 0 where the profile of the slope has crests; polygon(..., rounding=...) rounds corners"
+                "radius > 0 where the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
+                "Slope(..., rounding=...) crests"
             )
         sloping, level = level_at(lengths[on], sizes[on], vertices)
         if not level.all():

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel import params
-from sledenv.kernel.entries import run_lay
+from sledenv.kernel.entries import run_heights, run_lay
 from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.rules import (
@@ -29,7 +29,7 @@ from sledenv.simulation.rules import (
 )
 
 Floats = NDArray[np.float64]
-Profile = tuple[tuple[float, float], ...]  # vertices x, y [m]
+Profile = tuple[tuple[float, float, float], ...]  # vertices x, y and the radii with which they are rounded [m]
 
 MOST_VERTICES: Final = 16384
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
@@ -40,12 +40,14 @@ _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
 _PLACE: Rule = (lambda v: v > -math.inf, "in (-inf, inf] m")
 _LENGTH: Rule = (lambda v: v > 0.0, "in (0, inf] m")
+_RADIUS: Rule = (lambda v: v >= 0.0, "in [0, inf] m")
 
 
 # Profiles.
 
 
-def _laid(vertices: Floats) -> np.ndarray:
+def pieces_of(vertices: Floats) -> np.ndarray:
+    """Return the pieces of the ground with their bends, kernel.geometry.PIECE of shape (n + 1,), from (n, 3) vertices."""
     pieces = np.zeros(len(vertices) + 1, PIECE)
     run_lay(vertices, pieces)
     return pieces
@@ -54,7 +56,7 @@ def _laid(vertices: Floats) -> np.ndarray:
 @functools.cache
 def _plane() -> tuple[Floats, np.ndarray]:
     """Return what the kernel reads of a plane, which nobody writes to."""
-    return np.array([[0.0, 1.0]]), _laid(np.empty((0, 2)))
+    return np.array([[0.0, 1.0]]), pieces_of(np.empty((0, 3)))
 
 
 def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
@@ -63,7 +65,7 @@ def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
         (vertices,) = tracks.vertices
         if not len(vertices):
             return _plane()
-        return np.array([[0.0, len(vertices) + 1.0]]), _laid(vertices)
+        return np.array([[0.0, len(vertices) + 1.0]]), pieces_of(vertices)
     ends = np.cumsum([len(vertices) + 1 for vertices in tracks.vertices])
     spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1), np.zeros(ends[-1], PIECE)
     for vertices, (begin, end) in zip(tracks.vertices, spans.tolist(), strict=True):
@@ -71,8 +73,8 @@ def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
     return spans[tracks.numbers].astype(float), pieces
 
 
-def checked_profile(given: Any) -> Profile:
-    """Return the vertices of a profile, those without a turn left out, or raise an error.
+def checked_profile(given: Any, rounding: Any = 0.0) -> Profile:
+    """Return the vertices of a profile with their radii, those without a turn left out, or raise an error.
 
     A profile that is straight and lies in the plane is none. One that is straight and lies higher or lower keeps its
     first and its last vertex.
@@ -82,17 +84,28 @@ def checked_profile(given: Any) -> Profile:
     TypeError, ValueError
         Naming the vertex, its value and what is allowed: see :class:`sledenv.Slope`.
     """
-    if isinstance(given, tuple) and not given:
-        return ()
-    vertices = _numbers(given)
-    with np.errstate(all="ignore"):  # of numbers too large to be squared
-        return _checked_vertices(vertices)
-
-
-def _checked_vertices(vertices: Floats) -> Profile:
-    """As :func:`checked_profile`, of finite numbers of shape (n, 2)."""
+    vertices = np.empty((0, 2)) if isinstance(given, tuple) and not given else _numbers(given)
+    radii = _checked_rounding(rounding, len(vertices))
     if not len(vertices):
         return ()
+    with np.errstate(all="ignore"):  # of numbers too large to be squared
+        return _checked_vertices(vertices, radii)
+
+
+def _checked_rounding(given: Any, count: int) -> Floats:
+    """Return the radius [m] of each of so many vertices, or raise TypeError or ValueError."""
+    if isinstance(given, tuple | list | np.ndarray) and np.ndim(given) == 1:
+        if isinstance(given, tuple) and not given:
+            return np.zeros(count)
+        if len(given) != count:
+            held = f"{len(given)} numbers"
+            raise ValueError(f"Slope.rounding holds {held}: must hold one for each of {count} vertices, or be one number")
+        return np.array([checked("Slope", f"rounding[{k}]", radius, _RADIUS) for k, radius in enumerate(given)])
+    return np.full(count, checked("Slope", "rounding", given, _RADIUS))
+
+
+def _checked_vertices(vertices: Floats, radii: Floats) -> Profile:
+    """As :func:`checked_profile`, of finite numbers of shape (n, 2), n > 0, and radii of shape (n,)."""
     if not 2 <= len(vertices) <= MOST_VERTICES:
         raise ValueError(f"Slope.profile holds {len(vertices)}: must hold no vertex, or 2 to {MOST_VERTICES}")
     x, y = vertices.T
@@ -112,12 +125,14 @@ def _checked_vertices(vertices: Floats) -> Profile:
             f"Slope.profile[{k}].y = {float(y[k])!r}: must be in {allowed} m, so that the piece before it is at most "
             f"{math.degrees(STEEPEST):g} degrees steep to the plane"
         )
-    kept = vertices[_turning(vertices)]
-    if len(kept) < 2:
-        kept = vertices[[0, -1]]
-        if not kept[:, 1].any():
+    turning = _turning(vertices)
+    if turning.sum() < 2:
+        turning[:] = False
+        turning[[0, -1]] = True
+        if not vertices[turning, 1].any():
             return ()
-    return tuple((x, y) for x, y in kept.tolist())
+    kept = np.column_stack([vertices, radii])[turning]
+    return tuple((x, y, radius) for x, y, radius in kept.tolist())
 
 
 def _numbers(given: Any) -> Floats:
@@ -182,14 +197,14 @@ def _turns(vertices: Floats) -> Floats:
 
 
 def vertices_of(profile: Profile) -> Floats:
-    """Return the vertices of a profile, shape (n, 2), in C order."""
-    return np.array(profile, float).reshape(len(profile), 2)
+    """Return the vertices of a profile and their radii, shape (n, 3), in C order."""
+    return np.array(profile, float).reshape(len(profile), 3)
 
 
 class Tracks(NamedTuple):
     """The ground under each lane of a batch."""
 
-    vertices: tuple[Floats, ...]  # of profiles, shapes (n, 2); (0, 2) of the plane
+    vertices: tuple[Floats, ...]  # of profiles, x, y and radius [m], shapes (n, 3); (0, 3) of the plane
     numbers: NDArray[np.intp]  # which of them a lane has, shape (N,), or (1,) if all have the same
 
     @classmethod
@@ -217,17 +232,18 @@ class Tracks(NamedTuple):
 
 
 def tangents(vertices: Floats) -> Floats:
-    """Unit tangents of the pieces of the ground, shape (n + 1, 2), from n vertices."""
+    """Unit tangents of the pieces of the ground, shape (n + 1, 2), from n vertices x, y."""
     level = np.array([[1.0, 0.0]])
     if not len(vertices):
         return level
-    pieces = np.diff(vertices, axis=0)
+    pieces = np.diff(vertices[:, :2], axis=0)
     return np.concatenate([level, pieces / np.hypot(*pieces.T)[:, np.newaxis], level])
 
 
-def crests(vertices: Floats) -> NDArray[np.bool_]:
-    """Whether each vertex is a crest, shape (n,)."""
-    return _turns(vertices) < 0.0
+def sharp_crests(vertices: Floats) -> NDArray[np.bool_]:
+    """Whether each vertex, of shape (n, 3), is a crest without a radius, shape (n,)."""
+    sharp: NDArray[np.bool_] = (_turns(vertices) < 0.0) & (vertices[:, 2] == 0.0)
+    return sharp
 
 
 def level_at(x: Floats, reach: Floats, vertices: Floats) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
@@ -381,7 +397,8 @@ class _SlopeFields(NamedTuple):
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
     zones: tuple[Zone, ...]
-    profile: Profile
+    profile: tuple[tuple[float, float], ...]
+    rounding: tuple[float, ...]  # of each vertex; none if all are 0
 
 
 class Slope(Checked, _SlopeFields):
@@ -403,6 +420,9 @@ class Slope(Checked, _SlopeFields):
         measured. From 2 to 16384, x strictly increasing, no piece between two of them steeper to the plane than 80
         degrees. Before the first and behind the last one the ground goes on parallel to the plane. A vertex without a
         turn is left out, so that how a straight piece is cut changes nothing. The plane itself by default.
+    rounding : float, or sequence of float
+        Radius [m] of the arc that rounds each vertex of the profile, in [0, inf]: one for all, or one for each. The arc
+        touches both pieces; its radius is smaller where it would take more than 0.49 of one of them. 0 by default.
 
     Raises
     ------
@@ -421,12 +441,17 @@ class Slope(Checked, _SlopeFields):
         gravity: float = 9.81,
         zones: Iterable[Zone] = (),
         profile: Sequence[Sequence[float]] | np.ndarray = (),
+        rounding: float | Sequence[float] | np.ndarray = 0.0,
     ) -> Self:
         angle, length, gravity = (
             checked("Slope", name, value, rule)
             for name, value, rule in zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
         )
-        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length), checked_profile(profile))
+        ground = checked_profile(profile, rounding)
+        vertices, radii = tuple((x, y) for x, y, _ in ground), tuple(radius for _, _, radius in ground)
+        return super().__new__(
+            cls, angle, length, gravity, _checked_zones(zones, length), vertices, radii if any(radii) else ()
+        )
 
     @property
     def row(self) -> tuple[float, ...]:
@@ -434,16 +459,20 @@ class Slope(Checked, _SlopeFields):
         return (*self[:3], *(number for zone in self.zones for number in zone.row))
 
     @property
+    def ground(self) -> Profile:
+        """Vertices x, y of the profile and their radii [m]."""
+        radii = self.rounding or (0.0,) * len(self.profile)
+        return tuple((x, y, radius) for (x, y), radius in zip(self.profile, radii, strict=True))
+
+    @property
     def vertices(self) -> np.ndarray:
-        """Vertices x, y [m] of the profile, a new array of shape (n, 2); (0, 2) without one."""
-        return vertices_of(self.profile)
+        """Vertices x, y of the profile and their radii [m], a new array of shape (n, 3); (0, 3) without one."""
+        return vertices_of(self.ground)
 
     def height_at(self, x: ArrayLike) -> np.ndarray:
         """Height [m] of the ground over the plane of the slope at places ``x`` [m] along it, same shape."""
         places = numbers_of("x", x, "numbers")
-        if not self.profile:
-            return np.zeros(places.shape)
-        return np.asarray(np.interp(places, *self.vertices.T))
+        return heights_of(self.vertices, places)
 
     def friction_at(self, x: np.ndarray, elsewhere: float) -> np.ndarray:
         """Friction [-] at places ``x`` [m] along the slope, same shape; ``elsewhere`` is that outside of the zones."""
@@ -451,6 +480,13 @@ class Slope(Checked, _SlopeFields):
         for zone in self.zones:
             friction[(x >= zone.begin) & (x < zone.end)] = zone.friction
         return friction
+
+
+def heights_of(vertices: Floats, x: Floats) -> Floats:
+    """Heights [m] of the ground at places [m], of any shape, from vertices of shape (n, 3)."""
+    heights = np.empty(np.shape(x))
+    run_heights(pieces_of(vertices), np.ascontiguousarray(x, float).reshape(-1), heights.reshape(-1))
+    return heights
 
 
 class SlopeTable(NamedTuple):

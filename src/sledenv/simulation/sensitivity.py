@@ -383,7 +383,7 @@ class Neighbours:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
         records, slope = self.records(bodies[found]), self.descent.slope
-        tracks = Tracks.of((slope.profile,))
+        tracks = Tracks.of((slope.ground,))
         heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), tracks)
         fine[found] = launches[found, 1] >= heights
         if slope.profile:
@@ -406,7 +406,7 @@ class Neighbours:
         """Simulate descents that differ by a change of one parameter each."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        table = SlopeTable(slopes, (self.descent.slope.profile,))
+        table = SlopeTable(slopes, (self.descent.slope.ground,))
         blocks = simulate_blocks(self.bodies(bodies), laws, table, launches, self.settings, block=block)
         parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))

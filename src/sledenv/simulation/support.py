@@ -5,14 +5,15 @@ The geometry is the kernel's own, so that both agree to the last bit.
 A body that comes down onto the ground along the normal of the slope's plane is stopped by one of two things. A piece
 stops it where the point of the body that is outermost against the normal of the piece lies over the piece, or over one
 that is joined to it by dips: there the line of the piece bounds the ground. A crest stops it between the points that
-are outermost against the two pieces: there the steepest of the lines through the crest that support the body does.
+are outermost against the two pieces: there that of its tangents does which touches the body where it touches the crest.
+A round dip stops it where one of its arcs touches it.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple, Self
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +21,7 @@ from numpy.typing import NDArray
 from sledenv.kernel.arithmetic import TURN
 from sledenv.kernel.entries import run_directions, run_lowest
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.scene import Tracks, crests, tangents
+from sledenv.simulation.scene import Tracks, pieces_of
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -84,29 +85,25 @@ def within_a_turn(phi: Floats) -> Floats:
 class _Ground(NamedTuple):
     """The pieces of the ground of some tracks, one track behind the other."""
 
-    along: Floats  # unit tangents
-    up: Floats
-    x: Floats  # [m] the vertex where a piece begins; of the first one of a track: where it ends
-    y: Floats
-    crest: NDArray[np.bool_]  # whether it begins at a crest
-    low: Floats  # [m] places of the crests before and behind it, -inf and inf where there is none
+    pieces: np.ndarray  # of kernel.geometry.PIECE
+    low: Floats  # [m] where the crest before a piece ends, and that behind it begins; -inf and inf where there is none
     high: Floats
     starts: Indices  # the first piece of each track
 
     @classmethod
     def of(cls, vertices: Sequence[Floats]) -> Self:
-        """Return the ground of profiles with such vertices, shapes (n, 2)."""
+        """Return the ground of profiles with such vertices, shapes (n, 3)."""
         counts = np.array([len(one) + 1 for one in vertices])
         starts = np.cumsum(counts) - counts
-        parts = [(*tangents(one).T, *one[np.r_[0, : len(one)]].T, np.r_[False, crests(one)]) for one in vertices]
-        along, up, x, y, crest = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        track, number = np.repeat(starts, counts), np.arange(len(x))
+        pieces = np.concatenate([pieces_of(one) for one in vertices])
+        track, number = np.repeat(starts, counts), np.arange(len(pieces))
+        crest = pieces["bend"] > 0
         before = np.maximum.accumulate(np.where(crest, number, -1))
-        behind = np.minimum.accumulate(np.where(crest, number, len(x))[::-1])[::-1]
-        behind = np.r_[behind[1:], len(x)]
-        low = np.where(before >= track, x[before], -math.inf)
-        high = np.where(behind < track + np.repeat(counts, counts), np.r_[x, 0.0][behind], math.inf)
-        return cls(along, up, x, y, crest.astype(bool), low, high, starts)
+        behind = np.minimum.accumulate(np.where(crest, number, len(pieces))[::-1])[::-1]
+        behind = np.r_[behind[1:], len(pieces)]
+        low = np.where(before >= track, pieces["ex"][before], -math.inf)
+        high = np.where(behind < track + np.repeat(counts, counts), np.r_[pieces["bx"], 0.0][behind], math.inf)
+        return cls(pieces, low, high, starts)
 
 
 def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) -> Floats:
@@ -129,8 +126,11 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) 
     if tracks.is_plane:
         return support_heights(bodies, phi)
     sizes, numbers = np.broadcast_to(bodies["size"], x.shape), np.broadcast_to(tracks.numbers, x.shape)
-    begins = np.array([vertices[0] if len(vertices) else (math.inf, 0.0) for vertices in tracks.vertices])
-    over = x + sizes >= begins[numbers, 0]  # before the first vertex the ground is level
+    begins = np.array([vertices[0, :2] if len(vertices) else (math.inf, 0.0) for vertices in tracks.vertices])
+    for track, vertices in enumerate(tracks.vertices):
+        if len(vertices) and vertices[0, 2] > 0.0:
+            begins[track, 0] = pieces_of(vertices)["bx"][1]
+    over = x + sizes >= begins[numbers, 0]  # before the first bend the ground is level
     heights: Floats = begins[numbers, 1] + support_heights(bodies, phi)
     lanes = np.flatnonzero(over)
     if not len(lanes):
@@ -139,9 +139,9 @@ def resting_heights(bodies: np.ndarray, x: Floats, phi: Floats, tracks: Tracks) 
     ground = _Ground.of([tracks.vertices[track] for track in tracked])
     first, last = np.empty(len(x), np.intp), np.empty(len(x), np.intp)
     for track, start in zip(tracked, ground.starts, strict=True):
-        on, places = tracks.lanes(track), tracks.vertices[track][:, 0]
-        first[on] = start + np.searchsorted(places, x[on] - sizes[on])
-        last[on] = start + np.searchsorted(places, x[on] + sizes[on], side="right")
+        on, own = tracks.lanes(track), slice(start + 1, start + 1 + len(tracks.vertices[track]))
+        first[on] = start + np.searchsorted(ground.pieces["ex"][own], x[on] - sizes[on])
+        last[on] = start + np.searchsorted(ground.pieces["bx"][own], x[on] + sizes[on], side="right")
     ends, begin = np.cumsum(last[lanes] - first[lanes] + 1), 0
     while begin < len(lanes):
         done = ends[begin - 1] if begin else 0
@@ -158,40 +158,65 @@ def _heights(records: np.ndarray, x: Floats, phi: Floats, ground: _Ground, first
     counts = last - first + 1
     starts = np.cumsum(counts) - counts
     lane = np.repeat(np.arange(len(x)), counts)
-    piece = np.arange(len(lane)) - np.repeat(starts - first, counts)
-    along, up, begin = ground.along, ground.up, ground.x[piece]
+    number = np.arange(len(lane)) - np.repeat(starts - first, counts)
+    piece = ground.pieces[number]
+    along, up = piece["tx"], piece["ty"]
     cosine, sine = directions(phi)
     outline = _Outline(records, lane, phi, cosine, sine)
-    a, b = outline.arms(along[piece], up[piece])
-    foot = x[lane] - a * along[piece] + b * up[piece]  # x of the outermost point
-    stops = ground.y[piece] + (b + (x[lane] - begin) * up[piece]) / along[piece]
-    stops[(foot < ground.low[piece]) | (foot > ground.high[piece])] = -math.inf
-    crest = np.flatnonzero((piece > first[lane]) & (foot < ground.low[piece]) & ground.crest[piece])
-    crest = crest[foot[crest - 1] > begin[crest]]
-    if len(crest):
-        at = piece[crest]
-        cone = np.arctan2(up[[at - 1, at]], along[[at - 1, at]])
-        place = np.stack([ground.x[at], ground.y[at]], axis=-1)
-        stops[crest] = _on_crest(outline.of(crest), x[lane[crest]], place, cone)
+    a, b = outline.arms(along, up)
+    foot = x[lane] - a * along + b * up  # x of the outermost point
+    stops = piece["y"] + (b + (x[lane] - piece["x"]) * up) / along
+    stops[(foot < ground.low[number]) | (foot > ground.high[number])] = -math.inf
+    crest = np.flatnonzero((number > first[lane]) & (foot < piece["ex"]) & (piece["bend"] > 0))
+    crest = crest[foot[crest - 1] > piece["bx"][crest]]
+    dip = np.flatnonzero((number > first[lane]) & (piece["bend"] < 0))
+    for some, height in ((crest, _on_crest), (dip, _in_dip)):
+        if len(some):
+            at = number[some]
+            cone = ground.pieces["tilt"][[at - 1, at]]
+            found_there = height(outline.of(some), x[lane[some]], ground.pieces[at], cone)
+            stops[some] = np.maximum(stops[some], found_there)
     found: Floats = np.maximum.reduceat(stops, starts)
     return found
 
 
-def _on_crest(outline: _Outline, x: Floats, crest: Floats, cone: Floats) -> Floats:
-    """Heights [m] at which bodies with mass centres at ``x`` [m] lie on crests, all of shape (M,), crests (M, 2).
+def _on_crest(outline: _Outline, x: Floats, bend: np.ndarray, cone: Floats) -> Floats:
+    """Heights [m] at which bodies with mass centres at ``x`` [m] lie on crests, all of shape (M,).
 
-    ``cone`` [rad] holds the inclinations of the pieces before and behind, shape (2, M): the line that supports a body
-    at the crest is between them, and there the outermost point of the body changes from behind it to before it.
+    ``cone`` [rad] holds the inclinations of the pieces before and behind, shape (2, M): the tangent of the crest that
+    supports a body there is between them, and there the outermost point of the body changes from behind it to before
+    it.
     """
-    high, low = cone
+    before, behind = cone
     for _ in range(_HALVINGS):
-        middle = 0.5 * (low + high)
+        middle = 0.5 * (before + behind)
         along, up = directions(middle)
         a, b = outline.arms(along, up)
-        behind = x - a * along + b * up > crest[:, 0]
-        low, high = np.where(behind, low, middle), np.where(behind, middle, high)
-    heights: Floats = crest[:, 1] + (b + (x - crest[:, 0]) * up) / along
+        past = x - a * along + b * up > bend["qx"] - bend["radius"] * up
+        behind, before = np.where(past, behind, middle), np.where(past, middle, before)
+    heights: Floats = bend["qy"] + (b + bend["radius"] + (x - bend["qx"]) * up) / along
     return heights
+
+
+def _in_dip(outline: _Outline, x: Floats, bend: np.ndarray, cone: Floats) -> Floats:
+    """As :func:`_on_crest`, in round dips, which an arc touches that is rounder; -inf where none does.
+
+    Its centre is then as far from that of the dip as the dip is rounder.
+    """
+    arcs, inside = outline.arcs(), bend["radius"][:, np.newaxis]
+    across = x[:, np.newaxis] + arcs["x"] - bend["qx"][:, np.newaxis]
+    with np.errstate(invalid="ignore"):
+        below = np.sqrt((inside - arcs["r"]) ** 2 - across * across)
+    tilt = np.arctan2(across, below)
+    local = within_a_turn(outline.phi[:, np.newaxis] - tilt)
+    faces = np.zeros(local.shape, bool)
+    for turned in (local - TURN, local, local + TURN):
+        faces |= (turned >= arcs["low"] - FLAT) & (turned <= arcs["high"] + FLAT)
+    fits = arcs["is_one"] & (arcs["r"] < inside) & faces
+    fits &= (tilt >= cone[0][:, np.newaxis]) & (tilt <= cone[1][:, np.newaxis])
+    heights = np.where(fits, bend["qy"][:, np.newaxis] - below - arcs["y"], -math.inf)
+    found: Floats = heights.max(axis=1)
+    return found
 
 
 class _Outline:
@@ -207,6 +232,23 @@ class _Outline:
         some.records, some.lane = self.records, self.lane[pairs]
         some.phi, some.cosine, some.sine = self.phi[pairs], self.cosine[pairs], self.sine[pairs]
         return some
+
+    def arcs(self) -> dict[str, NDArray[Any]]:
+        """Return the arcs of each body, shape (M, arcs): where their centres are from the mass centre, their radii and
+        the ends of their intervals; and whether there is one.
+        """
+        record = np.zeros(len(self.lane), np.intp) if len(self.records) == 1 else self.lane
+        most = int(self.records["count"].max())
+        fields = {name: self.records[name][record, :most] for name in ("across", "along", "r", "low", "high")}
+        cosine, sine = self.cosine[:, np.newaxis], self.sine[:, np.newaxis]
+        return {
+            "x": -cosine * fields["across"] - sine * fields["along"],
+            "y": cosine * fields["along"] - sine * fields["across"],
+            "r": fields["r"],
+            "low": fields["low"],
+            "high": fields["high"],
+            "is_one": np.arange(most) < self.records["count"][record][:, np.newaxis],
+        }
 
     def arms(self, along: Floats, up: Floats) -> tuple[Floats, Floats]:
         """Arms a, b [m] of the points that are lowest over lines with unit tangents (along, up): kernel/outline.py."""

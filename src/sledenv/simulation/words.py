@@ -53,7 +53,7 @@ def quantity(value: float, unit: str) -> str:
 def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
     place, phi = np.array([launch.x]), within_a_turn(np.array([launch.phi]))
-    clearance = launch.y - float(resting_heights(body.record, place, phi, Tracks.of((slope.profile,)))[0])
+    clearance = launch.y - float(resting_heights(body.record, place, phi, Tracks.of((slope.ground,)))[0])
     arm = f"rolling arm {law.rolling_arm:.4g} m"
     if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
@@ -73,7 +73,7 @@ def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
 def _profile_words(slope: Slope) -> str:
     if not slope.profile:
         return ""
-    x, y = slope.vertices.T
+    x, y, _ = slope.vertices.T
     return f", profile of {len(x)} vertices from {x[0]:.4g} to {x[-1]:.4g} m, heights {y.min():.4g} to {y.max():.4g} m"
 
 

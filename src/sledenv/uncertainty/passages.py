@@ -12,7 +12,7 @@ from sledenv.simulation.checks import CheckedLanes
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import new_logs
 from sledenv.simulation.records import FINISH
-from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.scene import Slope, State, heights_of
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty.descents import Passages, checked_ahead, follow
@@ -73,7 +73,7 @@ def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Sett
     x, y, phi, u, v, _ = states.T
     bodies = _some(given, lane).bodies
     lowest = y - resting_heights(bodies, x, within_a_turn(phi), given.tracks)
-    ground = np.interp(x, *given.tracks.vertices[0].T)
+    ground = heights_of(given.tracks.vertices[0], x)
     seen = np.full((len(lengths), len(stations), 4), np.nan)
     seen[lane, station] = np.column_stack([np.hypot(u, v), kinetic, np.maximum(lowest, 0.0), y - ground])
     return outcomes, seen
