@@ -298,6 +298,23 @@ def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
     assert np.isfinite(one.of_rebounds("phi", "phi")).all()
 
 
+def test_a_disc_over_crests_has_a_derivative_by_its_radius() -> None:
+    """Oracle: central differences of descents; halved steps lead to a radius of 0, which crests do not take."""
+    mass, radius, inertia = 5.0, 0.2, 0.1
+    slope, settings = Slope(0.1, 12.0, profile=[(1.0, 0.0), (2.0, 0.2), (3.0, 0.0)]), Settings(max_rebounds=3)
+    launch = State(0.0, 0.5, 0.3, 2.0, 0.0, 1.0)
+    found = sensitivity(segment(mass, radius, 0.0, inertia), LAW, slope, launch, settings)
+
+    def descend(change: float) -> np.ndarray:
+        rows = simulate(segment(mass, radius + change, 0.0, inertia), LAW, slope, launch, settings).rebounds
+        return np.stack([rows[name] for name in ("t", "x", "omega_after")])
+
+    far, near = ((descend(step) - descend(-step)) / (2.0 * step) for step in (2e-5, 1e-5))
+    values = np.stack([found.of_rebounds(name, "radius") for name in ("t", "x", "omega_after")])
+    np.testing.assert_allclose(values, (4.0 * near - far) / 3.0, rtol=1e-6)
+    assert found.distances[0, found.parameters.index("radius"), 0] > 0.0
+
+
 def test_a_chain_of_derivatives_predicts_a_small_change() -> None:
     """Oracle: the descent of a launch that differs in everything by little, to first order."""
     launch = State(0.0, 0.6, 0.7, 1.0, -0.2, 2.0)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, made_body, segment, segment_records
+from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import (
@@ -31,6 +32,7 @@ from sledenv.simulation.scene import (
     Tracks,
     Zone,
     asymmetry_of,
+    crests,
     level_at,
     misplaced_zones,
 )
@@ -299,6 +301,7 @@ class Neighbours:
         of_zones = zones + [np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))
         self.centre = np.array([*descent.launch, *of_law, angle, length, gravity, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
+        self.crests = bool(crests(descent.slope.vertices).any())  # over which no radius may vanish
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
         self.steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
@@ -335,7 +338,7 @@ class Neighbours:
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
         zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
         zones = [(f"zone_{k}_{name}", scale) for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()]
-        halves = ["stiffness", "length", "gravity", "mass", "inertia"]
+        halves = ["stiffness", "length", "gravity", "mass", "inertia", *(["radius"] if self.crests else [])]
         halves += [f"zone_{k}_stiffness" for k in range(1, MOST_ZONES + 1)]
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
@@ -388,6 +391,7 @@ class Neighbours:
         fine[found] = launches[found, 1] >= heights
         if slope.profile:
             fine[found] &= level_at(slopes[found, 1], records["size"], slope.vertices)[1]
+            fine[found] &= ~(self.crests & has_sharp_corner(records))
         return fine
 
     def room(self) -> Floats:
