@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -11,17 +12,19 @@ import pytest
 from mpmath import mp, mpf
 
 from sledenv.simulation.bodies import Body, Segment, segment
-from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.sensitivity import (
     END_QUANTITIES,
     LAUNCH,
     REBOUND_QUANTITIES,
     STATE_AFTER,
     Sensitivity,
+    continues,
+    derivatives_of,
     sensitivity,
 )
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.shapes import circular_segment, disc, rod
+from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.support import support_height
 from tests.oracles import (
@@ -417,6 +420,216 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
     assert found.distances[-1, found.parameters.index("y"), 0] == pytest.approx(drop, rel=1e-7)
     assert found.distances[-1, found.parameters.index("y"), 1] == math.inf
     assert found.of_end("y", "gravity") == pytest.approx(-0.02, rel=1e-9)
+
+
+# --- at an end of the range of a parameter ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_wheel_that_rolls_up_and_back_has_the_derivatives_by_a_rolling_arm_of_zero(solver: Any) -> None:
+    """Oracle: speeds up the slope lose s + c arm, down it gain s - c arm; it turns at t_1 = u_0/(s + c arm).
+
+    c = k g cos(angle)/r and s = k g sin(angle), k = m r^2/(m r^2 + J). No arm above r tan(angle) lets it roll back.
+    """
+    m, r, j, angle, u_0, time = 2.0, 0.5, 0.2, 0.1, 1.0, 3.0
+    launch = State(50.0, r, 0.0, -u_0, 0.0, u_0 / r)
+    settings = Settings(solver, max_time=time)
+    wheel, slope = segment(m, r, 0.0, j), Slope(angle, 200.0)
+    found = sensitivity(wheel, law_of(0.5, 0.4), slope, launch, settings, parameters=["rolling_arm"])
+    k = m * r * r / (m * r * r + j)
+    s, c = k * G * math.sin(angle), k * G * math.cos(angle) / r
+    up = u_0 / s  # how long at no arm, and then down
+    down = time - up
+    near = {"rel": 1e-5 if solver == "compliant" else 1e-9}  # its springs swing a little
+    assert found.of_end("u", "rolling_arm") == pytest.approx(c * (up - down), **near)
+    assert found.of_end("x", "rolling_arm") == pytest.approx(c * (0.5 * up**2 + up * down - 0.5 * down**2), **near)
+    assert found.of_end("omega", "rolling_arm") == pytest.approx(-c * (up - down) / r, **near)
+    assert (found.sides == 1).all()
+    assert found.distances[-1, 0] == pytest.approx([math.inf, r * math.tan(angle)], rel=1e-6)
+
+
+@pytest.mark.parametrize(("friction", "sticks"), [(0.1, False), (0.9, True)])
+@pytest.mark.parametrize("restitution", [0.3, 1.0])
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_an_impact_that_turns_the_spin_has_the_derivatives_by_a_rolling_arm_of_zero(
+    solver: Any, restitution: float, friction: float, sticks: bool
+) -> None:
+    """Oracle: docs/physics.md, section 3, to first order in the arm, of a wheel without weight.
+
+    Under a normal impulse I = (1 + e) m v friction turns the spin after I_1 = J |omega|/(f r). A slip that stays leaves
+    J omega_1 with a change of arm (I - 2 I_1), and u_1 with none. One that ends leaves the wheel rolling: u_1 = -r
+    omega_1, and then it is J omega - m r u that changes by so much.
+    """
+    m, r, j, u, v, omega = 1.0, 0.5, 0.1, 3.0, 1.0, 0.4
+    found = sensitivity(
+        segment(m, r, 0.0, j),
+        law_of(restitution, friction),
+        Slope(0.0, gravity=0.0),
+        State(0.0, 2.0 * r, 0.0, u, -v, omega),
+        Settings(solver, max_rebounds=1),
+        parameters=["rolling_arm"],
+    )
+    impulse, turn = (1.0 + restitution) * m * v, j * omega / (friction * r)
+    after = found.descent.rebounds[0]
+    assert after["omega_after"] < 0.0
+    assert (abs(after["u_after"] + r * after["omega_after"]) < 1e-12) == sticks
+    change = impulse - 2.0 * turn
+    by_arm = change / (j + m * r * r if sticks else j)
+    assert found.of_rebounds("omega_after", "rolling_arm")[0] == pytest.approx(by_arm, rel=1e-9)
+    by_arm = -r * by_arm if sticks else 0.0
+    assert found.of_rebounds("u_after", "rolling_arm")[0] == pytest.approx(by_arm, rel=1e-9, abs=1e-9)
+    assert (found.sides == 1).all()
+
+
+@pytest.mark.parametrize("of_zone", [False, True])
+@pytest.mark.parametrize("solver", ["compliant", "rigid"])
+def test_a_slip_that_turns_has_the_derivative_by_a_friction_of_zero(solver: Any, of_zone: bool) -> None:
+    """Oracle: without friction u grows by g sin(angle) t; the slip u + r omega turns, and friction -f N with it."""
+    m, r, j, angle, u_0, omega, time = 2.0, 0.5, 0.2, 0.3, -3.0, 1.0, 2.0
+    launch, settings = State(50.0, r, 0.0, u_0, 0.0, omega), Settings(solver, max_time=time)
+    slope = Slope(angle, 200.0, zones=[Zone(0.0, math.inf, 0.0, 0.0)] if of_zone else [])
+    name = "zone_1_friction" if of_zone else "friction"
+    law = law_of(0.5, 0.4 if of_zone else 0.0)
+    found = sensitivity(segment(m, r, 0.0, j), law, slope, launch, settings, parameters=[name])
+    before = -(u_0 + r * omega) / (G * math.sin(angle))  # the slip turns
+    press = G * math.cos(angle)
+    near = {"rel": 1e-5 if solver == "compliant" else 1e-9}
+    assert 0.0 < before < time
+    assert found.of_end("u", name) == pytest.approx(press * (2.0 * before - time), **near)
+    assert found.of_end("omega", name) == pytest.approx(press * m * r / j * (2.0 * before - time), **near)
+    assert (found.sides == 1).all()
+
+
+def test_where_one_zone_begins_at_the_end_of_another_it_may_begin_later() -> None:
+    """Oracle: the closed form, with the law's friction between them; the first zone may end earlier."""
+    radius, angle, begin, length, speed = 0.5, 0.2, 1.5, 4.0, 3.0
+    zones = [Zone(-9.0, begin, 0.0, 0.0), Zone(begin, math.inf, 0.05, 0.0)]
+    found = sensitivity(
+        disc(3.0, radius),
+        law_of(0.5, 0.02),
+        Slope(angle, length, zones=zones),
+        State(0.0, radius, 0.0, speed),
+        Settings(solver="rigid"),
+        parameters=["zone_1_end", "zone_2_begin"],
+    )
+    down, press = G * math.sin(angle), G * math.cos(angle)
+    gains = [down - friction * press for friction in (0.0, 0.02, 0.05)]
+    u_1 = math.sqrt(speed**2 + 2.0 * gains[0] * begin)
+    u_2 = math.sqrt(u_1**2 + 2.0 * gains[2] * (length - begin))
+    for column, gain in (("zone_1_end", gains[1] - gains[0]), ("zone_2_begin", gains[1] - gains[2])):
+        # A strip of width w in which it gains so much more raises u^2 by 2 gain w from there on.
+        earlier = column == "zone_1_end"
+        by_width = gain * (1.0 / u_2 - 1.0 / u_1) / gains[2]
+        assert found.of_end("t", column) == pytest.approx(-by_width if earlier else by_width, rel=1e-8)
+        assert found.of_end("u", column) == pytest.approx((-gain if earlier else gain) / u_2, rel=1e-8)
+    assert found.sides.tolist() == [[-1, 1]] * 2
+
+
+def one_of_many(seed: int) -> tuple[Body, ContactLaw, Slope, State]:
+    """Body, law, slope and launch of a descent: some go over bumps, begin without spin, or on the ground."""
+    rng, bumpy = np.random.default_rng(seed), seed % 2 == 1
+    angular = polygon(5.0, [(0, 0), (0.6, 0), (0.6, 0.4), (0, 0.4)], 0.02) if bumpy else SEGMENT
+    body = angular if seed // 2 % 2 else disc(rng.uniform(1.0, 20.0), rng.uniform(0.1, 0.4))
+    friction, restitution = rng.uniform(0.02, 0.5), rng.uniform(0.3, 0.9)
+    law = ContactLaw.from_restitution(restitution, stiffness=1e6, friction=friction, rolling_arm=0.0)
+    along = 0.5 + np.cumsum(rng.uniform(0.5, 1.5, 8))
+    bumps = np.column_stack([along, np.r_[0.0, rng.uniform(-0.1, 0.1, 7)]])
+    slope = Slope(rng.uniform(0.0, 0.2), 12.0, profile=bumps if bumpy else ())
+    phi, spin = rng.uniform(-3.0, 3.0), rng.uniform(-5.0, 5.0) if seed % 3 else 0.0
+    y = support_height(body, phi) + (0.3 if seed % 5 else 0.0)
+    return body, law, slope, State(0.0, y, phi, rng.uniform(0.5, 3.0), 0.0, spin)
+
+
+def at_an_end(name: str, law: ContactLaw, slope: Slope, change: float) -> tuple[ContactLaw, Slope]:
+    """Law and slope with a parameter that is so much more than the least that it may be, or than the most."""
+    if name == "restitution":
+        return law._replace(asymmetry=float(asymmetry_of(1.0 + change))), slope
+    if not name.startswith("zone_1_"):
+        return law._replace(**{name: change}), slope
+    fields = {"friction": 0.1, "rolling_arm": 0.01, "restitution": 0.5}
+    name = name.removeprefix("zone_1_")
+    fields[name] = 1.0 + change if name == "restitution" else change
+    return law, slope._replace(zones=[Zone(-1.0, 8.0, **fields)])
+
+
+def by_hand(run: Any, reach: float) -> np.ndarray:
+    """Derivative to one side: differences over seven steps that are halved, in Neville's scheme."""
+    steps = reach * 0.5 ** np.arange(7)
+    column = [(run(step) - run(0.0)) / step for step in steps]
+    for order in range(1, len(steps)):
+        column = [fine + (fine - coarse) / (2.0**order - 1.0) for coarse, fine in pairwise(column)]
+    return np.asarray(column[0])
+
+
+@pytest.mark.parametrize(
+    ("name", "descents"),
+    [
+        ("rolling_arm", 25),
+        *((name, 10) for name in ("friction", "corner_rolling_arm", "restitution")),
+        *((f"zone_1_{name}", 10) for name in ("friction", "rolling_arm", "restitution")),
+    ],
+)
+def test_at_an_end_of_its_range_a_parameter_has_the_derivative_to_the_other_side(name: str, descents: int) -> None:
+    """Oracle: one-sided differences of descents over planes and bumps, extrapolated here."""
+    settings = Settings(max_rebounds=3)
+    side = -1 if name.endswith("restitution") else 1
+    for seed in range(descents):
+        body, law, slope, launch = one_of_many(seed)
+        found = sensitivity(body, *at_an_end(name, law, slope, 0.0), launch, settings, parameters=[name])
+        assert (found.sides == side).all(), seed
+        assert (found.distances[:, 0, (1 - side) // 2] == math.inf).all()
+
+        def run(step: float, given: Any = (body, law, slope, launch)) -> np.ndarray:
+            body, law, slope, launch = given
+            descent = simulate(body, *at_an_end(name, law, slope, side * step), launch, settings)
+            rows = np.stack([descent.rebounds[quantity] for quantity in REBOUND_QUANTITIES], axis=-1)
+            return np.r_[rows.ravel(), descent.time, descent.state]
+
+        reach = min(found.distances[-1, 0, (1 + side) // 2] / 4.0, 0.01)
+        values = np.r_[found.rebounds[:, :, 0].ravel(), found.end[:7, 0]]
+        np.testing.assert_allclose(side * by_hand(run, reach), values, rtol=1e-6, atol=1e-6 * np.abs(values).max())
+
+
+@pytest.mark.parametrize(("solver", "name"), [("rigid", "y"), ("compliant", "eccentricity")])
+def test_where_a_change_makes_a_body_fall_there_is_no_derivative_at_an_end_of_a_range(solver: Any, name: str) -> None:
+    """Oracle: a wheel on the ground that begins higher up by h falls, and touches with a speed of sqrt(2 g h).
+
+    On rigid ground it bounces, ever less. On springs it does not, but the time of the touch has no derivative by h.
+    """
+    wheel, launch = segment(1.0, 0.5, 0.0, 0.1), State(0.0, 0.5, 0.0, 1.0, 0.0, -2.0)
+    settings = Settings(solver, max_time=3.0)
+    found = sensitivity(wheel, law_of(0.5, 0.3), Slope(0.0), launch, settings, parameters=[name])
+    assert (found.sides == 0).all()
+    assert np.isnan(found.rebounds).all()
+    assert np.isnan(found.end).all()
+    assert found.distances[-1, 0].tolist() == [math.inf, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("of", "does"),
+    [
+        (lambda h: 2.0 + 3.0 * h, True),
+        (lambda h: 2.0 + 3.0 * h + 100.0 * h**1.5, True),
+        (lambda h: 2.0 + 100.0 * h**2, True),
+        (lambda h: 2.0 + 1e-13 * np.cos(1e9 * h), True),  # of rounding
+        (lambda h: 2.0 + 3.0 * h + 1e-6, False),
+        (lambda h: 2.0 + np.sqrt(h), False),
+        (lambda h: 2.0 + 3.0 * h + 1e-4 * np.sqrt(h), False),
+        (lambda h: 2.0 + h * np.log(h), False),
+        (lambda h: np.full_like(h, np.nan), False),
+    ],
+    ids=["line", "kink of 3/2", "parabola", "rounding", "jump", "root", "small root", "h log h", "no number"],
+)
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_quantity_continues_to_one_side_if_it_has_a_derivative_there(side: int, of: Any, does: bool) -> None:
+    """Oracle: what each function is, of the distance to that side. The other side does not count."""
+    steps = np.tile(2.0 ** -np.arange(33.0), (1, 2, 1))
+    fine = np.zeros(steps.shape, bool)
+    fine[:, (1 + side) // 2] = True
+    here, there = np.array([2.0, 0.0]), np.stack([of(steps.ravel()), 0.0 * steps.ravel()], axis=-1)
+    derivatives, _ = derivatives_of(here, there, fine, steps)
+    assert continues(here, there, fine, steps, derivatives, np.ones(2)).tolist() == [does]
+    assert continues(here, there, np.zeros_like(fine), steps, derivatives, np.ones(2)).all()
 
 
 # --- ugly inputs ------------------------------------------------------------------------------------------------------

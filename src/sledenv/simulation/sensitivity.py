@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Final, NamedTuple
+from typing import Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,6 +91,8 @@ _SECTIONS = (6, 11, 14, 19)  # columns of launch, law, slope, body and zones: wh
 _TO_THE_LAST_BIT = 64  # bisections
 _BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
 _BISECTIONS = 24
+_FAR = 1e-3  # of a derivative: by less the difference over the smallest step is another, if the derivative exists
+_NOISE = 1e-11  # of a quantity, from one descent to the next
 _OF_SEGMENTS = ("radius", "eccentricity", "half_angle")
 
 
@@ -100,6 +102,12 @@ class Sensitivity:
 
     Derivatives hold as long as the sequence of events stays: what touches, what slips, sticks, turns, closes and opens
     in each contact, in order, and how the descent ends. ``sides`` and ``distances`` tell how long that is.
+
+    At an end of the range that a parameter is allowed, such as a rolling arm or a friction of 0 and a restitution of 1,
+    the descent itself may have events of its own: with any arm a spin that turns is one, without it is none. There the
+    sequence that counts is that of the nearest neighbour, if as many rebounds of the same parts of the body lead to the
+    same kind of end, and if differences to the descent vanish in proportion to the step. Where they do not, as those of
+    a jump, the derivative is NaN.
 
     Attributes
     ----------
@@ -116,7 +124,7 @@ class Sensitivity:
     sides : ndarray of int, shape (N + 1, P)
         0 where a derivative holds to both sides, as far as each rebound and in the end (the last row). 1 or -1 where it
         holds for more or for less of the parameter alone: to the other side another sequence of events, or what is not
-        allowed, begins at once. 0 too where that is so to both sides; the derivative is then NaN.
+        allowed, begins at once. 0 too where it holds to neither; the derivative is then NaN.
     distances : ndarray, shape (N + 1, P, 2)
         How much less and how much more each parameter may be until the sequence of events changes in one of the
         rebounds up to this one, and in the whole descent (the last row). inf if it does not within ``scales`` and the
@@ -218,6 +226,28 @@ def derivatives_of(here: Floats, there: Floats, fine: NDArray[np.bool_], steps: 
     return _extrapolated(differences, rounding, np.array([4.0, 2.0, 2.0])[:, np.newaxis, np.newaxis, np.newaxis])
 
 
+def continues(
+    here: Floats, there: Floats, fine: NDArray[np.bool_], steps: Floats, derivatives: Floats, units: Floats
+) -> NDArray[np.bool_]:
+    """Whether differences vanish with the step, and in proportion to it, shape (P,).
+
+    Of a jump or of a root the difference over the smallest step is far from all that is extrapolated.
+
+    Parameters
+    ----------
+    here, there, fine, steps, derivatives
+        As for :func:`derivatives_of`, and what it has found.
+    units : ndarray, shape (Q,)
+        Small amounts of the quantities, which make them comparable.
+    """
+    units, smallest = np.maximum(units, np.abs(here)), steps[..., -1]
+    moved = (there - here).reshape(*steps.shape, -1)[:, :, -1]  # (P, 2, Q)
+    apart = np.abs(moved / (SIGNS * smallest)[..., np.newaxis] - derivatives.T[:, np.newaxis])
+    allowed = _FAR * (np.abs(derivatives.T) / units).max(axis=-1)[:, np.newaxis] + _NOISE / smallest
+    near = (apart / units).max(axis=-1) <= allowed
+    return np.asarray((near | ~fine[..., -1]).all(axis=-1))
+
+
 def _extrapolated(column: Floats, rounding: Floats, ratios: Floats) -> tuple[Floats, Floats]:
     """Best of the estimates that follow from differences over smaller and smaller steps, and their errors.
 
@@ -269,10 +299,25 @@ def bisected(
 # The descents around one, each of which differs from it in one parameter.
 
 
+class Course(NamedTuple):
+    """The events of N descents."""
+
+    rebounds: NDArray[np.int64]  # (N, rebounds, 3) feature, mode and sequence of each; -1 of those that there are not
+    ways: NDArray[np.int64]  # (N, 4) status, number of rebounds, and on which side of its kinks the reward is
+
+    def of(self, which: NDArray[Any] | slice) -> Self:
+        """Return the events of some of the descents."""
+        return type(self)(*(events[which] for events in self))
+
+    def in_outline(self) -> Self:
+        """Return what touches in each rebound, and how each descent ends."""
+        return type(self)(self.rebounds[..., :1], self.ways[:, :2])
+
+
 class Runs(NamedTuple):
     """What N descents that differ in one parameter have come to."""
 
-    agreed: NDArray[np.int64]  # (N,) rebounds before the first that differs from the one looked at; one more if all
+    agreed: NDArray[np.int64]  # (N,) rebounds before the first that has not the events that count; one more if all
     rebounds: Floats  # (N, rebounds, quantities)
     end: Floats  # (N, quantities)
 
@@ -290,6 +335,8 @@ class Neighbours:
         Their values, and the farthest change of each that is looked at.
     steps : ndarray, shape (P, 2, K)
         Changes that are looked at, to both sides, each half of the one before.
+    course : Course
+        Of each parameter the events that count: those of the descent, or after :meth:`heed_ends` of a neighbour.
     """
 
     def __init__(self, descent: Descent, names: tuple[str, ...], settings: Settings) -> None:
@@ -305,6 +352,8 @@ class Neighbours:
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
         self.steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
+        self.count = len(descent.rebounds)
+        self.course = course_of(descent.as_batch(), self.count).of(np.zeros(len(names), np.intp))
 
     def _of_body(self) -> tuple[float, ...]:
         """Fields of a segment; of any other body NaN where it has none."""
@@ -347,6 +396,13 @@ class Neighbours:
             **dict(zones),
             **{name: 0.5 * self.centre[_COLUMN[name]] or 1.0 for name in halves},
         }
+
+    def units(self, kept: int) -> list[Floats]:
+        """Natural units of the quantities of each rebound and of the end."""
+        size, _, _, speed, _, spin = natural_units(self.descent.body, self.descent.slope, self.descent.launch)
+        known = {"m": size, "s": size / speed, "m/s": speed, "rad/s": spin}
+        tables = [REBOUND_QUANTITIES] * kept + [END_QUANTITIES]
+        return [np.array([known.get(unit, 1.0) for unit in table.values()]) for table in tables]
 
     def rounded(self, steps: Floats) -> Floats:
         """Steps as the values of the parameters change by them."""
@@ -406,37 +462,73 @@ class Neighbours:
         )
         return found
 
-    def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> Runs:
-        """Simulate descents that differ by a change of one parameter each."""
+    def heed_ends(self, room: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Let the events of the nearest neighbour count where a parameter is at an end of its range, and has others.
+
+        Parameters
+        ----------
+        room : ndarray, shape (P, 2)
+            How far each parameter may be changed.
+
+        Returns
+        -------
+        ndarray of int, ndarray of int, shapes (P,)
+            Of what counts: rebounds before the first that has not the events of the descent, and before the first that
+            touches with another part; one more if there is none, and if it ends as the descent does.
+        """
+        alike, shared = np.full((2, len(self.names)), self.count + 1)
+        free = self.steps[..., -1] < room
+        ends = np.flatnonzero(free.sum(axis=1) == 1)
+        if len(ends):
+            side = free[ends].argmax(axis=1)
+            batches = self._batches(ends, SIGNS[side] * self.steps[ends, side, -1])
+            rebounds, ways = zip(*(course_of(batch, self.count) for _, batch in batches), strict=True)
+            nearest, own = Course(np.concatenate(rebounds), np.concatenate(ways)), self.course.of(ends)
+            alike[ends], shared[ends] = agreed_of(nearest, own), agreed_of(nearest.in_outline(), own.in_outline())
+            for events, theirs in zip(self.course, nearest, strict=True):
+                events[ends] = theirs
+        return alike, shared
+
+    def _batches(self, which: NDArray[np.int64], changes: Floats) -> Iterator[tuple[slice, DescentBatch]]:
+        """Simulate descents that differ by a change of one parameter each, block by block."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
         table = SlopeTable(slopes, (self.descent.slope.ground,))
         blocks = simulate_blocks(self.bodies(bodies), laws, table, launches, self.settings, block=block)
-        parts = [(self._agreed(batch), rebound_values(batch.rebounds[:, :kept]), end_values(batch)) for batch in blocks]
+        for begin, batch in zip(range(0, len(changes), block), blocks, strict=True):
+            yield slice(begin, begin + block), batch
+
+    def run(self, which: NDArray[np.int64], changes: Floats, kept: int) -> Runs:
+        """Simulate descents that differ by a change of one parameter each."""
+        parts = []
+        for lanes, batch in self._batches(which, changes):
+            agreed = agreed_of(course_of(batch, self.count), self.course.of(which[lanes]))
+            parts.append((agreed, rebound_values(batch.rebounds[:, :kept]), end_values(batch)))
         runs = Runs(*(np.concatenate(columns) for columns in zip(*parts, strict=True)))
+        launches = self.tables(which, changes)[-1]
         turned = launches[:, 2] - within_a_turn(launches[:, 2])  # whole turns that simulations take off
         runs.rebounds[:, :, list(REBOUND_QUANTITIES).index("phi")] += turned[:, np.newaxis]
         runs.end[:, list(END_QUANTITIES).index("phi")] += turned
         return runs
 
-    def _agreed(self, batch: DescentBatch) -> NDArray[np.int64]:
-        """Number of leading rebounds with the events of the descent that is looked at; one more if all else agrees."""
-        own, count = self.descent.rebounds, len(self.descent.rebounds)
-        log = batch.rebounds[:, :count]
-        same = np.arange(count) < batch.outcomes["rebounds"][:, np.newaxis]
-        for name in ("feature", "mode", "sequence"):
-            same &= log[name] == own[name]
-        leading = np.cumprod(same, axis=1).sum(axis=1)
-        ends = (_way_of(batch) == _way_of(self.descent.as_batch())).all(axis=1)
-        agreed: NDArray[np.int64] = leading + (ends & (leading == count))
-        return agreed
 
-
-def _way_of(batch: DescentBatch) -> NDArray[np.int64]:
-    """How descents ended, and on which side of its kinks their reward is, shape (N, 4)."""
+def course_of(batch: DescentBatch, count: int) -> Course:
+    """Events of descents, as far as ``count`` rebounds."""
     progress = batch.jam.progress
     kinks = (progress > 0.0).astype(int) + (progress < 1.0), batch.jam.retention > 0.0
-    return np.stack([batch.outcomes["status"], batch.outcomes["rebounds"], *kinks], axis=-1)
+    ways = np.stack([batch.outcomes["status"], batch.outcomes["rebounds"], *kinks], axis=-1)
+    log, found = batch.rebounds[:, :count], np.arange(count) < batch.outcomes["rebounds"][:, np.newaxis]
+    events = np.stack([log[name] for name in ("feature", "mode", "sequence")], axis=-1)
+    return Course(np.where(found[..., np.newaxis], events, -1), ways)
+
+
+def agreed_of(one: Course, other: Course) -> NDArray[np.int64]:
+    """Number of leading rebounds with the same events, shape (N,); one more if all else agrees."""
+    same = (one.rebounds == other.rebounds).all(axis=-1)
+    leading = np.cumprod(same, axis=1).sum(axis=1)
+    ends = (one.ways == other.ways).all(axis=1)
+    agreed: NDArray[np.int64] = leading + (ends & (leading == same.shape[1]))
+    return agreed
 
 
 def rebound_values(records: np.ndarray) -> Floats:
@@ -508,17 +600,27 @@ def sensitivity(
 
 def _differentiated(neighbours: Neighbours, kept: int) -> Sensitivity:
     """Derivatives of the first rebounds, and of the end."""
-    descent, room = neighbours.descent, neighbours.room()[..., np.newaxis]
+    descent, room = neighbours.descent, neighbours.room()
+    alike, shared = neighbours.heed_ends(room)
+    room = room[..., np.newaxis]
     steps = np.minimum(neighbours.steps, room)
     runs = neighbours.run(*places(steps), kept)
-    agreed = least_of_smaller(runs.agreed.reshape(steps.shape))
-    needed = [*range(kept), len(descent.rebounds)]
-    fine = [(agreed > count) & (steps < room) for count in needed]  # a step that a bound has cut short is none
+    agreed = least_of_smaller(np.minimum(runs.agreed.reshape(steps.shape), shared[:, np.newaxis, np.newaxis]))
+    needed = [*range(kept), neighbours.count]
     here = [*rebound_values(descent.rebounds[:kept]), *end_values(descent.as_batch())]
     there = [*np.moveaxis(runs.rebounds, 1, 0), runs.end]
-    taken = neighbours.rounded(steps)
-    found = [derivatives_of(*given, taken) for given in zip(here, there, fine, strict=True)]
-    values, errors = zip(*found, strict=True)
+    taken, allowed = neighbours.rounded(steps), steps < room  # a step that a bound has cut short is none
+    fine, values, errors = [], [], []
+    for count, one, lanes, units in zip(needed, here, there, neighbours.units(kept), strict=True):
+        holds = (agreed > count) & allowed
+        derivatives, doubts = derivatives_of(one, lanes, holds, taken)
+        jumps = (alike <= count) & ~continues(one, lanes, holds, taken, derivatives, units)
+        agreed[jumps] = np.minimum(agreed[jumps], count)
+        holds[jumps], derivatives[:, jumps], doubts[:, jumps] = False, np.nan, np.nan
+        fine.append(holds)
+        values.append(derivatives)
+        errors.append(doubts)
+    closed = (alike <= neighbours.count)[:, np.newaxis, np.newaxis] & ~allowed[..., -1:]
     shape = (kept, len(REBOUND_QUANTITIES), len(neighbours.names))
     return Sensitivity(
         descent=descent,
@@ -530,7 +632,7 @@ def _differentiated(neighbours: Neighbours, kept: int) -> Sensitivity:
         end=values[-1],
         end_errors=errors[-1],
         sides=np.array([np.diff(each.any(axis=-1).astype(int))[:, 0] for each in fine]),
-        distances=_distances(neighbours, steps, agreed, needed),
+        distances=_distances(neighbours, steps, np.where(closed, neighbours.count + 1, agreed), needed),
     )
 
 
