@@ -91,6 +91,13 @@ def book_spring(contact: np.void, before: float, rebound: np.void) -> None:
 
 
 @kernel
+def book_loose_spring(contact: np.void, rebound: np.void) -> None:
+    """Book what is stored in the spring of a contact that has to let go: it is lost."""
+    rebound["hysteresis"] += 0.5 * contact["closing"] * contact["gap"] * contact["gap"]
+    contact["gap"] = 0.0
+
+
+@kernel
 def keep_peaks(contact: np.void, normal: float, rebound: np.void) -> None:
     """Keep the largest normal force [N] and penetration [m] so far."""
     rebound["peak_force"] = max(rebound["peak_force"], normal)

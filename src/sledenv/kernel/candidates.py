@@ -101,21 +101,9 @@ def _in_reach(
 
 
 @kernel
-def _watch_coming(series: np.ndarray, factor: float, offset: float, near: float, space: np.void) -> None:
-    """Let the step end where ``factor`` times a series and an ``offset``, positive now, is zero: to look again then."""
-    poly = space["poly"]
-    if factor * series[0] + offset < near:
-        return
-    for k in range(ORDER + 1):
-        poly[k] = factor * series[k]
-    poly[0] += offset
-    look(space, 0, NOTHING, 0, 0)
-
-
-@kernel
 def _watch_entry(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, space: np.void) -> None:
     """Let the step end where an arc that is under a piece, or in a bend, comes over it: it is looked at again then."""
-    s, row, near = space["series"], space["terms"][2], AT_END * body["size"]
+    s, poly, near = space["series"], space["poly"], AT_END * body["size"]
     low, high, cx, cy = 0.0, 0.0, body["cx"][a], body["cy"][a]
     if kind == ARC_PIECE:
         low, high = reach_along(body, pieces, a, j)
@@ -128,12 +116,22 @@ def _watch_entry(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, s
                 piece = pieces[j - 1]
         if not abs(place) < math.inf:
             continue
-        tx, ty = piece["tx"], piece["ty"]
+        tx, ty, out = piece["tx"], piece["ty"], -1.0 if end == 0 else 1.0
         for k in range(ORDER + 1):
-            row[k] = tx * s["x"][k] + ty * s["y"][k]
-            row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
-        row[0] -= tx * x + ty * y + place
-        _watch_coming(row, -1.0 if end == 0 else 1.0, 0.0, near, space)
+            poly[k] = tx * s["x"][k] + ty * s["y"][k]
+            poly[k] = out * (poly[k] + (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k])
+        poly[0] -= out * (tx * x + ty * y + place)
+        if poly[0] >= near:
+            look(space, 0, NOTHING, 0, 0)
+
+
+@kernel
+def _watch_opening(space: np.void) -> None:
+    """Let the step end where a gap opens that is closed without touching: to look again then."""
+    poly = space["poly"]
+    for k in range(ORDER + 1):
+        poly[k] = -poly[k]
+    look(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -149,6 +147,8 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
     if inside and (kind == ARC_PIECE or pieces[j]["radius"] > 0.0):
         margin = AT_END * body["size"]  # a foot at an end is about to leave, or has just left
     if not _in_reach(body, pieces, kind, a, j, 0.0, margin, space):
+        if kind == ARC_BEND and inside:
+            _watch_opening(space)
         if kind == ARC_PIECE or (kind == ARC_BEND and pieces[j]["radius"] > 0.0):
             _watch_entry(body, pieces, kind, a, j, space)
         return
@@ -302,7 +302,7 @@ def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
 
 @kernel
 def _watch_inside(body: np.void, code: int, space: np.void) -> None:
-    """Let the step end where a crest inside the body, which nothing touches, leaves the feature nearest to it.
+    """Let the step end where a crest that is at the body or inside, and touches nothing, leaves the nearest feature.
 
     ``space["terms"]`` holds the series of its place in the frame of the body.
     """
@@ -346,13 +346,10 @@ def _watch_feature(
 
     A crest that lies behind another feature, and so outside the body, may come before it: then it is looked at again.
     """
-    poly = space["poly"]
     if nearest or gap >= -SAME_PLACE * body["size"]:
         _watch_touch(body, pieces, kind, a, j, gap, space)
-        return
-    for k in range(ORDER + 1):
-        poly[k] = -poly[k]
-    look(space, 0, NOTHING, 0, 0)
+    else:
+        _watch_opening(space)
 
 
 @kernel
@@ -388,13 +385,15 @@ def _watch_side(
     poly[0] = gap
     _watch_feature(body, pieces, SIDE_BEND, i, j, gap, nearest, space)
     if piece["radius"] > 0.0:  # another part of the bend comes under the side where it is parallel to a piece
-        row, near = space["terms"][2], AT_END
         for end in range(2):
             beside = pieces[j - 1 + end]
             along_s, along_c = ox * beside["ty"] - oy * beside["tx"], ox * beside["tx"] + oy * beside["ty"]
+            parallel = along_c * s["cosine"][0] + along_s * s["sine"][0]
+            zeros = 1 if abs(parallel) < AT_END else 0
+            sign = math.copysign(1.0, along_c * s["cosine"][zeros] + along_s * s["sine"][zeros])
             for k in range(ORDER + 1):
-                row[k] = along_c * s["cosine"][k] + along_s * s["sine"][k]
-            _watch_coming(row, math.copysign(1.0, row[0]), 0.0, near, space)
+                poly[k] = sign * (along_c * s["cosine"][k] + along_s * s["sine"][k])
+            look(space, zeros, NOTHING, 0, 0)
     if part != ON_ARC:
         _write_place_in_body(piece["qx"], piece["qy"], space)
 
@@ -403,7 +402,9 @@ def _watch_side(
 def _watch_arc_bend(
     body: np.void, pieces: np.ndarray, i: int, j: int, move: float, nearest: bool, space: np.void
 ) -> None:
-    """Watch an arc come to a bend, towards which it moves by ``move`` [m] at most."""
+    """Watch an arc come to a bend, towards which a body that did not turn would move by ``move`` [m] at most."""
+    reach = space["reach"]
+    move += body["h"][i] * (reach[SINE] + reach[COSINE])
     x, y, poly, piece = space["terms"][0], space["terms"][1], space["poly"], pieces[j]
     ex, ey, sign = x[0] - body["cx"][i], y[0] - body["cy"][i], piece["bend"]
     distance, touching = math.sqrt(ex * ex + ey * ey), piece["radius"] + sign * body["r"][i]
@@ -457,8 +458,9 @@ def _watch_bend(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> No
                 return
     sine, cosine = s["sine"][0], s["cosine"][0]
     bx, by = cosine * dx + sine * dy, cosine * dy - sine * dx
-    far = along + (abs(dx) + abs(dy) + along) * turning + SAME_PLACE * size
-    move = min(far, along + (size + far) * turning + SAME_PLACE * size)
+    along += SAME_PLACE * size
+    far = along + (abs(dx) + abs(dy) + along) * turning
+    move = min(far, along + (size + far) * turning)
     if sign < 0:
         written = False
         for i in range(int(body["arcs"])):
@@ -466,22 +468,43 @@ def _watch_bend(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> No
                 if not written:
                     _write_place_in_body(piece["qx"], piece["qy"], space)
                     written = True
-                _watch_arc_bend(body, pieces, i, j, move, True, space)
+                _watch_arc_bend(body, pieces, i, j, along, True, space)
         return
     nearest, code = _nearest_feature(body, bx, by)
     nearest -= radius
-    if nearest > move:
+    if nearest > along + (body["furthest"] + size + far) * turning:
         return
     _write_place_in_body(piece["qx"], piece["qy"], space)
     if nearest < -move:
         move = -2.0 * nearest
-        far = max(far, move)
+        far, along = max(far, move), max(along, move)
     for i in range(int(body["arcs"])):
         _watch_side(body, pieces, i, j, far, move, code == -1 - i, space)
         if radius == 0.0 or not _arc_touches_bend(body, contacts, i, j):
-            _watch_arc_bend(body, pieces, i, j, move, code == i, space)
-    if nearest < -SAME_PLACE * size:
+            _watch_arc_bend(body, pieces, i, j, along, code == i, space)
+    if nearest < SAME_PLACE * size:
         _watch_inside(body, code, space)
+
+
+@kernel
+def _watch_ahead(body: np.void, pieces: np.ndarray, j: int, step: int, x: float, space: np.void) -> None:
+    """Watch pieces of a run behind an end of the body, at a place x [m], that it is pressed deeper than.
+
+    Seen from the body the run is one convex ground: it may come to the line of a piece before it is over the piece.
+    """
+    contacts, reach, deepest = space["contacts"], space["reach"], 0.0
+    for c in range(contacts["count"]):
+        deepest = max(deepest, contacts["at"][c]["deeper"] - contacts["at"][c]["gap"])
+    if not deepest > 0.0:
+        return
+    y = pieces[j]["y"] + (x - pieces[j]["x"]) * (pieces[j]["ty"] / pieces[j]["tx"])
+    deepest += reach[X] + reach[Y] + body["size"] * (reach[SINE] + reach[COSINE])
+    while 0 < (j + 1 if step > 0 else j) < pieces.shape[0] and pieces[j + 1 if step > 0 else j]["bend"] <= 0:
+        j += step
+        piece = pieces[j]
+        if piece["tx"] * (y - piece["y"]) - piece["ty"] * (x - piece["x"]) > deepest:
+            return
+        _watch_piece(body, pieces, j, space)
 
 
 @kernel
@@ -499,3 +522,6 @@ def watch_others(body: np.void, pieces: np.ndarray, space: np.void) -> None:
         if j > first and pieces[j]["bend"] != 0:
             _watch_bend(body, pieces, j, space)
         j += 1
+    if last > 0 and space["contacts"]["count"] > 0:
+        _watch_ahead(body, pieces, first, -1, begin, space)
+        _watch_ahead(body, pieces, j - 1, 1, end, space)

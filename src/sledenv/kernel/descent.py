@@ -11,6 +11,7 @@ from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import (
+    book_loose_spring,
     book_step,
     close_rebound,
     note_mode,
@@ -24,7 +25,7 @@ from sledenv.kernel.carry import carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, add, drop, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import make_room, pass_on
-from sledenv.kernel.geometry import DEEPEST, height_at, heights_within, place
+from sledenv.kernel.geometry import DEEPEST, height_at, heights_within, place, tangent_at, touching_place
 from sledenv.kernel.ground import are_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
@@ -153,7 +154,9 @@ def _is_buried(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         if contact["deeper"] - contact["gap"] > DEEPEST * size:
-            return True
+            x, y = touching_place(motion, contact)  # of a crest far behind a side it may be hardly in the ground
+            if height_at(pieces, x) - y > DEEPEST * size:
+                return True
     above = motion["y"] - height_at(pieces, motion["x"])
     return bool(above < -max(THIN * size - body["lowest"], 0.0))
 
@@ -368,13 +371,17 @@ def _hold(
 
 
 @kernel
-def _pass_line(limits: Limits, flight: np.void, space: np.void) -> int:
-    """Pass the end of the slope, behind which the run-out begins, or that of the run-out; return the status."""
+def _pass_line(pieces: np.ndarray, limits: Limits, flight: np.void, space: np.void) -> int:
+    """Pass the end of the slope, behind which the run-out begins, or that of the run-out; return the status.
+
+    The speed there is that along the ground under the mass centre.
+    """
     motion = space["motion"]
     motion["x"] = space["finish"]
     if flight["t_line"] < math.inf:
         return FINISH
-    flight["t_line"], flight["u_line"] = motion["t"], motion["u"]
+    along, up = tangent_at(pieces, motion["x"])
+    flight["t_line"], flight["u_line"] = motion["t"], along * motion["u"] + up * motion["v"]
     space["finish"] += limits.run_out
     return RUNNING if limits.run_out > 0.0 else FINISH
 
@@ -392,14 +399,17 @@ def _apply(
             return NON_FINITE
         return TIMEOUT if motion["t"] >= limits.max_time else RUNNING
     if code == guards.LINE:
-        return _pass_line(limits, flight, space)
+        return _pass_line(pieces, limits, flight, space)
     space["undecided"] = 1.0
     if code == guards.BORN:
         return _be_born(body, pieces, slope, limits, flight, log, space)
     if code == guards.SEPARATION or (code == guards.GAP_FREE and are_rigid(space["ground"])):
         return _separate(body, pieces, limits, event["who"], flight, log, space)
     if code == guards.FEATURE:
-        return RUNNING if pass_on(body, pieces, space, event["who"], side) else BURIED
+        if pass_on(body, pieces, space, event["who"], side):
+            return RUNNING
+        book_loose_spring(contacts["at"][event["who"]], space["rebound"])
+        return _separate(body, pieces, limits, event["who"], flight, log, space)
     if code == guards.ZONE:
         contact = contacts["at"][event["who"]]
         contact["zone"] += side
@@ -435,10 +445,12 @@ def _step(
     contacts, event, rigid = space["contacts"], space["event"], are_rigid(space["ground"])
     if space["stalled"] > GIVEN_UP:
         return STEP_BUDGET
+    status = RUNNING
     if contacts["count"] > 0:
         status = _decide(body, pieces, slope, limits, flight, space)
-        if status in (RUNNING, JAMMED) and _is_buried(body, pieces, space):
-            return BURIED
+    if status in (RUNNING, JAMMED) and _is_buried(body, pieces, space):
+        return BURIED
+    if contacts["count"] > 0:
         if status == RUNNING and rigid and space["undecided"] != 0.0:
             status = _hold(body, pieces, slope, limits, flight, log, space)
         if status != RUNNING:

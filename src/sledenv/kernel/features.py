@@ -89,7 +89,7 @@ def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int
     """Let a contact go on with the feature behind an end of its own; return whether it can.
 
     Gap, gap rate and slip go on, but where the normal jumps, rate and slip are formed anew. A contact cannot go on
-    where the normal would turn over.
+    where the normal would turn over, as where a crest that is deep in the body slips out of it at a corner.
     """
     contacts, motion = space["contacts"], space["motion"]
     contact, phi = contacts["at"][c], motion["phi"]
@@ -113,10 +113,7 @@ def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int
     write_surface(body, space["ground"], contact)
     if abs(nx * contact["ny"] - ny * contact["nx"]) > SAME_NORMAL:
         contact["gap_rate"], contact["slip"] = velocities(motion, contact)
-    if not nx * contact["nx"] + ny * contact["ny"] > 0.0:
-        return False
-    _merge(pieces, contacts, c)
-    return True
+    return _merge(pieces, contacts, c) or nx * contact["nx"] + ny * contact["ny"] > 0.0  # type: ignore[no-any-return]
 
 
 @kernel
@@ -153,8 +150,8 @@ def make_room(body: np.void, pieces: np.ndarray, contacts: np.void) -> bool:
 
 
 @kernel
-def _merge(pieces: np.ndarray, contacts: np.void, c: int) -> None:
-    """Let a contact and another one of the same features go on as one; a crest touches once."""
+def _merge(pieces: np.ndarray, contacts: np.void, c: int) -> bool:
+    """Let a contact and another one of the same features go on as one, if there is one; a crest touches once."""
     contact = contacts["at"][c]
     for q in range(contacts["count"]):
         other = contacts["at"][q]
@@ -165,4 +162,5 @@ def _merge(pieces: np.ndarray, contacts: np.void, c: int) -> None:
             if not (on_crest and pieces[contact["piece"]]["bend"] > 0):
                 continue
         _become_one(contacts, c, q)
-        return
+        return True
+    return False

@@ -198,7 +198,7 @@ OUTCOME = np.dtype(
         ("steps", "i8"),  # integration steps in contact
         *((name, "f8") for name in ("t", *State._fields)),
         ("t_line", "f8"),  # [s] when the mass centre passed the end of the slope; inf if never
-        ("u_line", "f8"),  # [m/s] and how fast along the slope, 0 if never
+        ("u_line", "f8"),  # [m/s] and how fast along the ground there, 0 if never
         ("t_on_chord", "f8"),  # [s] when the body first lay on its chord with both ends settled; inf if never
         ("x_on_chord", "f8"),  # [m] and where
         ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body

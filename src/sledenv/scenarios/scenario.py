@@ -57,7 +57,6 @@ from sledenv.simulation.scene import (
     Tracks,
     Zone,
     asymmetry_of,
-    level_at,
     vertices_of,
 )
 from sledenv.simulation.settings import Settings, Solver
@@ -199,16 +198,6 @@ class Scenario(Document):
             raise ValueError(f"body: has a sharp corner, which must be rounded where the ground has crests; {remedy}")
         if slope.bumps is not None:
             return self._has_room_for_bumps(slope.bumps, size)
-        vertices = vertices_of(slope.profile)
-        at, level = level_at(np.array([slope.length_m]), np.array([size]), vertices)
-        if not level.all():
-            begin, end = vertices[at[0] : at[0] + 2, 0].tolist()
-            free = f"the ground slopes from {begin:g} to {end:g} m; behind its last vertex it is level"
-            last = float(vertices[-1, 0]) + size
-            raise ValueError(
-                f"slope.length_m = {slope.length_m:g}: must be as far from ground that is not level to the plane as "
-                f"the size of the body, {size:.4g} m, such as {last:.6g} m; {free}"
-            )
         return self
 
     def _has_room_for_bumps(self, section: BumpsSection, size: float) -> Self:

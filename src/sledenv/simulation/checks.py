@@ -24,7 +24,6 @@ from sledenv.simulation.scene import (
     Zone,
     sharp_crests,
     laid,
-    level_at,
     misplaced_zones,
     restitution_of,
 )
@@ -264,8 +263,7 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     Raises
     ------
     ValueError
-        For rigid surfaces, for a body with a sharp corner where there are crests, and where the finish lies within the
-        size of the body of a piece that is not level.
+        For rigid surfaces, and for a body with a sharp corner where there are sharp crests.
     """
     bodies, tracks = lanes.bodies, lanes.tracks
     if tracks.is_plane:
@@ -273,29 +271,16 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
     count, sharp = len(lanes.launches), has_sharp_corner(bodies)
-    numbers, sharp, sizes, lengths = np.broadcast_arrays(
-        *(np.broadcast_to(one, count) for one in (tracks.numbers, sharp, bodies["size"], lanes.slopes[:, 1]))
-    )
-    ends = np.array([vertices[-1, 0] if len(vertices) else -math.inf for vertices in tracks.vertices])
-    doubtful = sharp | (lengths - sizes < ends[numbers])  # behind the last vertex it is level
-    for track in np.unique(numbers[doubtful]).tolist():
-        vertices, on = tracks.vertices[track], np.flatnonzero(doubtful & (numbers == track))
-        if sharp[on].any() and sharp_crests(vertices).any():
-            raise ValueError(
-                f"{names.body.format(lane=int(on[np.argmax(sharp[on])]))} has a sharp corner: all arcs must have a "
-                "radius > 0 where the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
-                "Slope(..., rounding=...) crests"
-            )
-        sloping, level = level_at(lengths[on], sizes[on], vertices)
-        if not level.all():
-            k = int(np.argmin(level))
-            lane = int(on[k])
-            begin, end = vertices[sloping[k] : sloping[k] + 2, 0].tolist()
-            raise ValueError(
-                f"{names.slope.format(lane=lane)}.length = {float(lengths[lane])!r}: the finish must be as far from "
-                f"where the profile is not level, such as [{begin!r}, {end!r}] m, as the size of the body, "
-                f"{float(sizes[lane])!r} m: the speed along the plane says little there"
-            )
+    if not sharp.any():
+        return
+    crests = np.array([sharp_crests(vertices).any() for vertices in tracks.vertices])
+    wrong = np.broadcast_to(sharp, count) & np.broadcast_to(crests[tracks.numbers], count)
+    if wrong.any():
+        raise ValueError(
+            f"{names.body.format(lane=int(np.argmax(wrong)))} has a sharp corner: all arcs must have a radius > 0 where "
+            "the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
+            "Slope(..., rounding=...) crests"
+        )
 
 
 def has_sharp_corner(bodies: np.ndarray) -> np.ndarray:

@@ -246,20 +246,6 @@ def sharp_crests(vertices: Floats) -> NDArray[np.bool_]:
     return sharp
 
 
-def level_at(x: Floats, reach: Floats, vertices: Floats) -> tuple[NDArray[np.intp], NDArray[np.bool_]]:
-    """Whether the ground is level up to some reach [m] around places x [m], both of shape (N,).
-
-    Returns
-    -------
-    ndarray of int, ndarray of bool, shapes (N,)
-        The vertex before the first piece there that is not level, and whether there is none.
-    """
-    sloping = np.flatnonzero(np.abs(tangents(vertices)[1:-1, 1]) > STRAIGHT)
-    first = np.searchsorted(vertices[sloping + 1, 0], x - reach, side="right")
-    level: NDArray[np.bool_] = first >= np.searchsorted(vertices[sloping, 0], x + reach)
-    return np.r_[sloping, 0][first], level
-
-
 # Contact laws, slopes and launches.
 
 

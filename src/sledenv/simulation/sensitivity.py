@@ -32,9 +32,8 @@ from sledenv.simulation.scene import (
     Tracks,
     Zone,
     asymmetry_of,
-    crests,
-    level_at,
     misplaced_zones,
+    sharp_crests,
 )
 from sledenv.simulation.settings import Settings, checked_settings
 from sledenv.simulation.simulate import simulate, simulate_blocks
@@ -348,7 +347,7 @@ class Neighbours:
         of_zones = zones + [np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))
         self.centre = np.array([*descent.launch, *of_law, angle, length, gravity, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
-        self.crests = bool(crests(descent.slope.vertices).any())  # over which no radius may vanish
+        self.crests = bool(sharp_crests(descent.slope.vertices).any())  # over which no radius may vanish
         scales = self._scales()
         self.scales = np.array([scales[name] for name in names])
         self.steps = np.tile(self.scales[:, np.newaxis, np.newaxis] * _STEPS, (1, 2, 1))
@@ -445,9 +444,7 @@ class Neighbours:
         tracks = Tracks.of((slope.ground,))
         heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), tracks)
         fine[found] = launches[found, 1] >= heights
-        if slope.profile:
-            fine[found] &= level_at(slopes[found, 1], records["size"], slope.vertices)[1]
-            fine[found] &= ~(self.crests & has_sharp_corner(records))
+        fine[found] &= ~(self.crests & has_sharp_corner(records))
         return fine
 
     def room(self) -> Floats:
