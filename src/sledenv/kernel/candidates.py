@@ -488,17 +488,15 @@ def _watch_bend(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> No
 
 @kernel
 def _watch_ahead(body: np.void, pieces: np.ndarray, j: int, step: int, x: float, space: np.void) -> None:
-    """Watch pieces of a run behind an end of the body, at a place x [m], that it is pressed deeper than.
+    """Watch pieces of a run beyond an end of the body, at a place x [m], for a body that is pressed in.
 
     Seen from the body the run is one convex ground: it may come to the line of a piece before it is over the piece.
     """
     contacts, reach, deepest = space["contacts"], space["reach"], 0.0
     for c in range(contacts["count"]):
         deepest = max(deepest, contacts["at"][c]["deeper"] - contacts["at"][c]["gap"])
-    if not deepest > 0.0:
-        return
-    y = pieces[j]["y"] + (x - pieces[j]["x"]) * (pieces[j]["ty"] / pieces[j]["tx"])
     deepest += reach[X] + reach[Y] + body["size"] * (reach[SINE] + reach[COSINE])
+    y = pieces[j]["y"] + (x - pieces[j]["x"]) * (pieces[j]["ty"] / pieces[j]["tx"])
     while 0 < (j + 1 if step > 0 else j) < pieces.shape[0] and pieces[j + 1 if step > 0 else j]["bend"] <= 0:
         j += step
         piece = pieces[j]
