@@ -7,9 +7,9 @@ body moves by the forces that are recorded, and never jumps; energy is never won
 Where contacts come and go, springs may differ from the geometry by an offset: a crest that has entered the body beside
 a pressed arc comes under a side with a depth, at which its spring is relaxed; two contacts that become one are pressed
 so deep that they store what both did; a crest that is deeper in the body than an arc is round goes on to the side
-behind it, whose normal is another one, with the energy it had. What is deeper than springs are pressed by no more than they have been pressed,
-since there was certainly no offset, is counted; what is deeper still is a fault. Where a contact has been alone since
-then, its load must be that of its depth.
+behind it, whose normal is another one, with the energy it had. What is deeper than springs are pressed by no more than
+they have been pressed, since there was certainly no offset, is counted; what is deeper still is a fault. Where a
+contact has been alone since then, its load must be that of its depth.
 
     python -m tests.audit --seed 1 --count 3000 --ground hills --body sled
     python -m tests.audit --seed 1 --case 17

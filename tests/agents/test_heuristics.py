@@ -66,7 +66,10 @@ def test_flights_come_back_from_what_is_seen_of_them(scenario):
     profiles = task.scenario.profiles(contexts)
     profiles = profiles * (len(contexts) if len(profiles) == 1 else 1)
     ground = np.array(
-        [np.interp(x, *np.array(known).T[:2]) if known else 0.0 for x, known in zip(flights["x"], profiles, strict=True)]
+        [
+            np.interp(x, *np.array(known).T[:2]) if known else 0.0
+            for x, known in zip(flights["x"], profiles, strict=True)
+        ]
     )
     meant = [
         flights["x"],

@@ -53,7 +53,7 @@ def test_the_ground_is_that_of_the_track(problem, flights):
     away = np.linspace(-3.0, 10.0, 40)
     heights, _ = flights.land(seen).ground.at(np.tile(away.astype(np.float32), (20, 1)))
     for lane, vertices in enumerate(problem.scenario.vertices(contexts)):
-        known = vertices[np.isfinite(vertices[:, 0])]
+        known = vertices[np.isfinite(vertices[:, 0]), :2]
         ground = np.interp(x[lane] + away, *known.T) - np.interp(x[lane], *known.T)
         passed = int(np.searchsorted(known[:, 0], x[lane]))
         first, last = known[max(passed - 2, 0), 0], known[min(passed + 7, len(known) - 1), 0]

@@ -159,7 +159,10 @@ def cases() -> Iterator[Any]:
     turned = [(ROUND, [feature], locked, True) for feature in (CREST, SIDE, DIP) for locked in ALONE]
     both = [(ROUND, [CREST, DIP], [*locked, (GAP, 1)], True) for locked in ([], [(GAP, 0)], [(SLIP, 0)])]
     stale = [
-        (ground, [SIDE], locked, False) for ground in (ROOF, ROUND) for locked in ALONE if locked != [(GAP, 0), (SPIN, 0)]
+        (ground, [SIDE], locked, False)
+        for ground in (ROOF, ROUND)
+        for locked in ALONE
+        if locked != [(GAP, 0), (SPIN, 0)]
     ]
     for number, (ground, features, locked, fresh) in enumerate((*alone, *several, *turned, *both, *stale)):
         kinds = " ".join(str(feature[0]) for feature in features)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from bisect import bisect_right
 
@@ -96,7 +97,9 @@ def test_a_bend_touches_both_its_pieces(along: list[tuple[float, float]], roundi
 
 
 @given(profiles, st.sampled_from([0.0, 0.3, 2.0]))
-def test_heights_and_tangents_are_those_of_pieces_and_circles(along: list[tuple[float, float]], rounding: float) -> None:
+def test_heights_and_tangents_are_those_of_pieces_and_circles(
+    along: list[tuple[float, float]], rounding: float
+) -> None:
     """Oracle: the line through a piece, or the circle of a bend; tangents are difference quotients of heights."""
     vertices = walk(along)
     pieces = pieces_of(vertices, rounding)
@@ -125,9 +128,9 @@ def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
     crest = turns_of(pieces) < 0.0
     for j, piece in enumerate(pieces):
         tangent, normal = np.array([piece["tx"], piece["ty"]]), np.array([-piece["ty"], piece["tx"]])
-        for step, own in ((-1, "low"), (1, "high")):
+        for step, _own in ((-1, "low"), (1, "high")):
             place_, takes_over = end_of_reach(BLOCK, pieces, 1, j, step)
-            path = [k for k in (range(j, 0, -1) if step < 0 else range(j + 1, len(pieces)))]
+            path = list(range(j, 0, -1) if step < 0 else range(j + 1, len(pieces)))
             seen = [vertices[k - 1] - [piece["x"], piece["y"]] for k in path]
             run = next((i for i, k in enumerate(path) if crest[k]), None)
             if takes_over:
@@ -136,7 +139,7 @@ def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
                 assert max((out @ normal for out in seen[: run + 1]), default=0.0) <= 0.25 * BLOCK["size"] + 1e-12
             elif math.isfinite(place_):
                 risen = [out @ normal for out in seen]
-                back = [step * ((two - one) @ tangent) < 0.0 for one, two in zip(seen, seen[1:], strict=False)]
+                back = [step * ((two - one) @ tangent) < 0.0 for one, two in itertools.pairwise(seen)]
                 assert max(risen) >= 0.25 * BLOCK["size"] - 1e-12 or any(back)
             else:
                 assert run is None or not path

@@ -38,7 +38,7 @@ def test_a_profile_is_that_of_every_slope() -> None:
     scenario = Scenario.model_validate(changed(slope__profile_m=ROOF))
     context = scenario.sample(np.random.default_rng(0))
     assert scenario.slope(context) == Slope(context.angle, 10.0, 9.81, (), ROOF)
-    assert scenario.vertices(drawn(scenario)).tolist() == [ROOF]
+    assert scenario.vertices(drawn(scenario)).tolist() == [[[*vertex, 0.0] for vertex in ROOF]]
     assert scenario.draws == 11
     assert pickle.loads(pickle.dumps(scenario)) == Scenario.model_validate(scenario.model_dump()) == scenario
     cut = Scenario.model_validate(changed(slope__profile_m=[[0, 0], [0.5, 0.05], [1, 0.1], [2, 0]]))
@@ -104,11 +104,49 @@ def test_what_no_body_can_ride_is_refused_with_the_remedy(slope: dict[str, Any],
 
 
 def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
-    remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
-    message = f"scenario example: body: has a sharp corner, which must be rounded where the ground has crests; {remedy}"
-    for slope in ({"slope__profile_m": ROOF}, {"slope__bumps": BUMPS, "slope__length_m": 40}):
-        assert problems(changed(body=POLYGON, **slope)) == [message]
-        Scenario.model_validate(changed(body=POLYGON | {"rounding_m": 0.05}, **slope))
+    """Oracle: the message; of a body or of the ground, one that is round is enough."""
+    remedy = "give a polygon rounding_m, or the ground, or take a body whose outline has no corner"
+    message = "scenario example: body: has a sharp corner, which must be rounded where the ground has sharp crests; "
+    grounds = ({"profile_m": ROOF}, {"rounding_m": 1}), ({"bumps": BUMPS}, {"bumps": BUMPS | {"rounding_m": 1}})
+    for ground, rounded in grounds:
+        slope = {"angle_deg": 8, "length_m": 40} | ground
+        assert problems(changed(body=POLYGON) | {"slope": slope}) == [message + remedy]
+        Scenario.model_validate(changed(body=POLYGON | {"rounding_m": 0.05}) | {"slope": slope})
+        Scenario.model_validate(changed(body=POLYGON) | {"slope": slope | rounded})
+
+
+def test_ground_may_be_rounded() -> None:
+    """Oracle: the simulator's own slope; a radius of 0 is none, and is not told in the hash."""
+    scenario = Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=[0, 0.5, 0]))
+    context = scenario.sample(np.random.default_rng(0))
+    assert scenario.slope(context) == Slope(context.angle, 10.0, 9.81, (), ROOF, (0.0, 0.5, 0.0))
+    sharp = Scenario.model_validate(changed(slope__profile_m=ROOF))
+    assert Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=0)).hash == sharp.hash
+    assert scenario.hash != sharp.hash
+    bumps = bumpy(rounding_m=0.3)
+    assert bumpy(rounding_m=0).hash == bumpy().hash != bumps.hash
+    contexts = drawn(bumps, 5)
+    slopes = bumps.slopes(contexts)
+    for lane, context in enumerate(contexts):
+        own = bumps.vertices(contexts)[lane]
+        expected = own[np.isfinite(own[:, 0])]
+        assert (expected[:, 2] == 0.3).all()
+        assert slopes.profiles[lane] == bumps.slope(Context(*context)).ground == tuple(map(tuple, expected.tolist()))
+
+
+@pytest.mark.parametrize(
+    ("slope", "message"),
+    [
+        ({"rounding_m": 1}, "slope.rounding_m = 1: must be left out without profile_m; bumps have a rounding_m of th"),
+        ({"profile_m": ROOF, "rounding_m": [1, 2]}, "slope.rounding_m = [1, 2]: must hold one for each of 3 vertices,"),
+        ({"profile_m": ROOF, "rounding_m": -1}, "slope.rounding_m = -1: must be a number, or a list of numbers, in [0"),
+        ({"profile_m": ROOF, "rounding_m": [0, "a", 0]}, "slope.rounding_m = [0, 'a', 0]: must be a number, or a lis"),
+        ({"bumps": BUMPS | {"rounding_m": -1}}, "slope.bumps.rounding_m = -1: must be a number in [0, inf) m"),
+    ],
+)
+def test_wrong_radii_are_refused_by_name_of_the_key(slope: dict[str, Any], message: str) -> None:
+    (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
+    assert line.startswith(f"scenario example: {message}")
 
 
 def test_rigid_surfaces_are_refused() -> None:
@@ -293,9 +331,9 @@ def test_vertices_around_places_are_those_that_a_slow_search_finds(
     for count in counts[:1] if one else counts:
         x = np.cumsum(rng.uniform(0.2, 3.0, count))
         profiles.append([(float(a), float(b)) for a, b in zip(x, rng.normal(size=count), strict=True)])
-    vertices = np.full((len(profiles), max(map(len, profiles)), 2), np.inf)
+    vertices = np.full((len(profiles), max(map(len, profiles)), 3), np.inf)
     for row, profile in zip(vertices, profiles, strict=True):
-        row[: len(profile)] = np.array(profile).reshape(-1, 2)
+        row[: len(profile)] = np.array([(*vertex, 0.0) for vertex in profile]).reshape(-1, 3)
     assert profiles_of(vertices) == [tuple((*vertex, 0.0) for vertex in profile) for profile in profiles]
     places = rng.uniform(-2.0, 25.0, len(counts))
     if exact and vertices.shape[1]:

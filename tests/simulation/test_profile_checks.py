@@ -66,7 +66,10 @@ def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
         3,
     )
     smooth = HILL._replace(rounding=0.1)
-    assert checked_descent(body, LAW, smooth, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (3, 3)
+    assert checked_descent(body, LAW, smooth, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (
+        3,
+        3,
+    )
     with pytest.raises(ValueError, match=r"sharp corner: .* rounding=\.\.\.\) crests"):
         checked_descent(body, LAW, HILL._replace(rounding=[0.1, 0.0, 0.1]), LAUNCH._replace(y=9.0), Settings())
 

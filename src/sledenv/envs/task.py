@@ -365,7 +365,11 @@ class Task:
         x, phi = (1.0 - left) * self._way, np.arctan2(sine, cosine)
         around = block[:, len(FLIGHT) :].reshape(len(block), -1, len(VERTEX))
         profiles: list[Profile] = [
-            tuple((at + self._reach * ahead, self._relief * y, 0.0) for ahead, y, there in row if there and abs(ahead) < 1.0)
+            tuple(
+                (at + self._reach * ahead, self._relief * y, 0.0)
+                for ahead, y, there in row
+                if there and abs(ahead) < 1.0
+            )
             for at, row in zip(x.tolist(), around.tolist(), strict=True)
         ]
         profiles = [profile if len(profile) > 1 else () for profile in profiles]

@@ -363,7 +363,7 @@ def _write_place_in_body(x: float, y: float, space: np.void) -> None:
 def _watch_side(
     body: np.void, pieces: np.ndarray, i: int, j: int, far: float, move: float, nearest: bool, space: np.void
 ) -> None:
-    """Watch a crest come to a straight side, along which it moves by ``far`` [m] at most, and by ``move`` towards it."""
+    """Watch a crest come to a straight side, along which it moves by ``far`` [m] at most, towards it by ``move``."""
     s, piece = space["series"], pieces[j]
     sine, cosine = s["sine"][0], s["cosine"][0]
     ahead = 2.0 * AT_END * sign_of(s["omega"][0])  # where it is parallel to a piece now, the part that comes counts

@@ -47,7 +47,7 @@ CONTACT: Final = np.dtype(
         *fields("f8", "push_x push_y push_s push_c"),  # what 1 N of load adds to fx, fy, gs and gc, with its friction
         ("stiffness", "f8"),  # [N/m] in its mode, 0 where the gap is locked
         ("pull", "f8"),  # [-] tangential force over load while it slips
-        # [m] how much deeper its features are in each other than its spring is pressed: the depth at which they began, or
+        # [m] how much deeper its features are in each other than its spring is pressed: the depth at which they began;
         # less than zero of two contacts that have become one
         ("deeper", "f8"),
         *fields("f8", "qx qy radius"),  # [m] centre and radius of the part of the bend that is touched,

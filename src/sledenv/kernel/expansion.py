@@ -231,9 +231,7 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
 
 
 @kernel
-def _locked_term(
-    body: np.void, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int
-) -> float:
+def _locked_term(body: np.void, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int) -> float:
     """Term of order ``m`` of a locked velocity without the locked forces of the order before."""
     if lock["what"] == SPIN:
         return s["omega"][m]  # type: ignore[no-any-return]
@@ -266,9 +264,7 @@ def _add_force(contacts: np.void, lock: np.void, force: float, s: np.void, k: in
 
 
 @kernel
-def _add_locked(
-    body: np.void, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int
-) -> None:
+def _add_locked(body: np.void, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
     """Add the locked forces of order ``k``, with which locked velocities have no term of order ``k + 1``."""
     m = k + 1
     for i in range(choice["locks"]):

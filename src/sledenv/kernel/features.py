@@ -74,7 +74,7 @@ def _past_centre(body: np.void, pieces: np.ndarray, phi: float, a: int, j: int, 
     There the normal has no place on the arc to stay: it goes on, in its ``sense`` of turn, to the end of the arc or to
     the normal of the piece across the crest, whichever comes first.
     """
-    arcs = np.int64(body["arcs"])
+    arcs = int(body["arcs"])
     edge = a if sense > 0 else (a - 1) % arcs
     across = j if sense > 0 else j - 1
     if arcs == 1 or beyond(body, a, phi - pieces[across]["tilt"]) != sense:
@@ -113,12 +113,12 @@ def pass_on(body: np.void, pieces: np.ndarray, space: np.void, c: int, side: int
     write_surface(body, space["ground"], contact)
     if abs(nx * contact["ny"] - ny * contact["nx"]) > SAME_NORMAL:
         contact["gap_rate"], contact["slip"] = velocities(motion, contact)
-    return _merge(pieces, contacts, c) or nx * contact["nx"] + ny * contact["ny"] > 0.0  # type: ignore[no-any-return]
+    return _merge(pieces, contacts, c) or nx * contact["nx"] + ny * contact["ny"] > 0.0
 
 
 @kernel
 def _become_one(contacts: np.void, one: int, two: int) -> None:
-    """Let two contacts go on as the deeper of both, whose spring stores what both have stored: nothing is won or lost."""
+    """Let two contacts go on as the deeper of both, whose spring stores what both have: nothing is won or lost."""
     gone, kept = (one, two) if contacts["at"][one]["gap"] > contacts["at"][two]["gap"] else (two, one)
     less, more = contacts["at"][gone], contacts["at"][kept]
     stored = less["closing"] * less["gap"] * less["gap"] + more["closing"] * more["gap"] * more["gap"]
@@ -128,7 +128,7 @@ def _become_one(contacts: np.void, one: int, two: int) -> None:
 
 @kernel
 def make_room(body: np.void, pieces: np.ndarray, contacts: np.void) -> bool:
-    """Let the two contacts of one arc on one run of dips that are nearest to each other be one; False if there are none.
+    """Let the two contacts of one arc on one run of dips that are nearest to each other be one, if there are two.
 
     On ground that is cut much finer than an arc is pressed in, it lies on many pieces at once.
     """

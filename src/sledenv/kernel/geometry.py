@@ -146,8 +146,8 @@ def bends_beside(body: np.void, pieces: np.ndarray, a: int, j: int) -> tuple[int
 def end_of_reach(body: np.void, pieces: np.ndarray, a: int, j: int, step: int) -> tuple[float, bool]:
     """Place [m] along a piece where its line is out of the reach of an arc, and whether a bend takes over there.
 
-    That is at the next bend that the arc can touch, ``step`` by step (-1 or 1); or before, where the ground has risen so
-    far over the line that a body pressed onto that is buried.
+    That is at the next bend that the arc can touch, in steps of -1 or 1; or before, where the ground has risen so far
+    over the line that a body pressed onto that is buried.
     """
     piece, most, height = pieces[j], DEEPEST * body["size"], 0.0
     place, b = piece["low"] if step < 0 else piece["high"], j if step < 0 else j + 1
@@ -354,6 +354,4 @@ def faces_dip(body: np.void, piece: np.void, a: int, bx: float, by: float) -> bo
 def over_bend(pieces: np.ndarray, j: int, ex: float, ey: float, near: float) -> bool:
     """Whether a point, seen from the centre of a bend, lies between the normals of its pieces, but for ``near`` [m]."""
     before, after = pieces[j - 1], pieces[j]
-    return bool(
-        ex * before["tx"] + ey * before["ty"] >= -near and ex * after["tx"] + ey * after["ty"] <= near
-    )
+    return bool(ex * before["tx"] + ey * before["ty"] >= -near and ex * after["tx"] + ey * after["ty"] <= near)

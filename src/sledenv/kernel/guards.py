@@ -14,7 +14,17 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import angle_of, sign_of
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, ON_ARC, ON_BEGIN, ON_END, SIDE_BEND, can_touch, end_of_reach, mirrored
+from sledenv.kernel.geometry import (
+    ARC_BEND,
+    ARC_PIECE,
+    ON_ARC,
+    ON_BEGIN,
+    ON_END,
+    SIDE_BEND,
+    can_touch,
+    end_of_reach,
+    mirrored,
+)
 from sledenv.kernel.mode import SHALLOW, all_friction
 from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
@@ -284,7 +294,9 @@ def _watch_bend(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.v
             continue
         edge = a if end == 1 else (a - 1) % arcs
         # In a dip sides touch with their ends, and so do arcs that are less round than it.
-        if sign < 0 and not (body["smooth"][edge] != 0.0 and can_touch(body, after, (a + 1 if end == 1 else a - 1) % arcs)):
+        if sign < 0 and not (
+            body["smooth"][edge] != 0.0 and can_touch(body, after, (a + 1 if end == 1 else a - 1) % arcs)
+        ):
             continue
         dx, dy = sign * body["oy"][edge], -sign * body["ox"][edge]
         for k in range(ORDER + 1):

@@ -405,7 +405,11 @@ def _spread_zeros(
     apart, rigid = choice["locks"] == 3 and speed > standing, choice["rigid"] != 0.0
     for i in range(choice["locks"]):
         lock = choice["lock"][i]
-        if not rigid and lock["what"] != SPIN and abs(_speed_along(contacts, motion, lock["what"], lock["who"])) > least:
+        if (
+            not rigid
+            and lock["what"] != SPIN
+            and abs(_speed_along(contacts, motion, lock["what"], lock["who"])) > least
+        ):
             apart = True
     if apart:  # normals have jumped: the velocities of contacts are not those of one body
         for c in range(contacts["count"]):

@@ -26,7 +26,9 @@ class Status(StrEnum):
     LOG_FULL = "log_full"  # max_rebounds rebounds were recorded
     STEP_BUDGET = "step_budget"  # max_steps integration steps were spent, or some thousand without getting on
     NON_FINITE = "non_finite"  # a state overflowed or was not a number
-    BURIED = "buried"  # deeper in a soft slope than a quarter of the size, or so deep that the model of the contact ends
+    BURIED = (
+        "buried"  # deeper in a soft slope than a quarter of the size, or so deep that the model of the contact ends
+    )
 
 
 STATUS_OF_CODE: Final = tuple(Status)

@@ -1,4 +1,4 @@
-"""Whether contacts hold a body that stands still: is the wrench against its weight in the sum of what they can give?
+"""Whether contacts hold a body that stands still, and with which forces.
 
 Each contact gives any wrench of a convex set: its load lies between those of the opening and of the closing spring,
 friction and rolling moment are at most their parts of it. The point of the sum of all sets that is nearest to the

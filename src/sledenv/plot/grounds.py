@@ -47,7 +47,8 @@ def _line(vertices: np.ndarray) -> np.ndarray:
         count = math.ceil(abs(bend["tilt"] - before["tilt"]) / _CHORD)
         tilts = before["tilt"] + (bend["tilt"] - before["tilt"]) * np.linspace(0.0, 1.0, count + 1)
         out = bend["bend"] * bend["radius"] * np.stack([-np.sin(tilts), np.cos(tilts)], axis=-1)
-        points.append(out + [bend["qx"], bend["qy"]] if bend["radius"] > 0.0 else np.array([[bend["x"], bend["y"]]]))
+        centre = np.array([bend["qx"], bend["qy"]])
+        points.append(out + centre if bend["radius"] > 0.0 else centre[np.newaxis])
     return np.concatenate(points)
 
 

@@ -127,6 +127,16 @@ class Range(Bounds):
             raise ValueError(f"low must not exceed high; must be {self.allowed}")
 
 
+class OneOrSeveral(Quantity):
+    """A number of an interval, or a list of them."""
+
+    form = "a number, or a list of numbers,"
+
+    def read(self, value: Any) -> float | tuple[float, ...]:
+        """Return the number, or the numbers, or raise ValueError."""
+        return tuple(map(self.number, value)) if isinstance(value, list | tuple) else self.number(value)
+
+
 class Points(Quantity):
     """Points of a plane: pairs of numbers of an interval.
 

@@ -57,6 +57,7 @@ from sledenv.simulation.scene import (
     Tracks,
     Zone,
     asymmetry_of,
+    sharp_crests,
     vertices_of,
 )
 from sledenv.simulation.settings import Settings, Solver
@@ -193,9 +194,14 @@ class Scenario(Document):
         if not self.has_track:
             return self
         size = max(body.size for body in bodies)
-        if any(has_sharp_corner(body.record).any() for body in bodies):
-            remedy = "give a polygon rounding_m, or take a body whose outline has no corner"
-            raise ValueError(f"body: has a sharp corner, which must be rounded where the ground has crests; {remedy}")
+        round_ground = (
+            slope.bumps.rounding_m > 0.0 if slope.bumps else not sharp_crests(vertices_of(slope.profile)).any()
+        )
+        if not round_ground and any(has_sharp_corner(body.record).any() for body in bodies):
+            remedy = "give a polygon rounding_m, or the ground, or take a body whose outline has no corner"
+            raise ValueError(
+                f"body: has a sharp corner, which must be rounded where the ground has sharp crests; {remedy}"
+            )
         if slope.bumps is not None:
             return self._has_room_for_bumps(slope.bumps, size)
         return self
@@ -236,8 +242,15 @@ class Scenario(Document):
         zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
         content["zones"] = list(zones) or None
         content["slope"] = _given(
-            {key: value for key, value in content["slope"].items() if key != "run_out_m" or value}
+            {key: value for key, value in content["slope"].items() if key not in ("run_out_m", "rounding_m") or value}
         )
+        if content["slope"].get("bumps") is not None:
+            bumps = content["slope"]["bumps"]
+            content["slope"]["bumps"] = {key: value for key, value in bumps.items() if key != "rounding_m" or value}
+        usual = LimitsSection.model_fields["tolerance"].default
+        content["limits"] = {
+            key: value for key, value in content["limits"].items() if key != "tolerance" or value != usual
+        }
         content["launch"] = {key: [0.0, 0.0] if own is None else own for key, own in content["launch"].items()}
         if content["rider"] is not None:
             optional = "shortest_flight_s", "noise_rad_s"
@@ -485,17 +498,17 @@ class Scenario(Document):
         return [drawn[i] for i in places.tolist()]
 
     def vertices(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vertices x, y [m] of the ground of contexts of shape (N, 12).
+        """Return the vertices x, y of the ground of contexts of shape (N, 12), and their radii [m].
 
         :func:`sledenv.scenarios.tracks.vertices_around` finds those next to a place.
 
         Returns
         -------
-        ndarray, shape (N, M, 2), or (1, M, 2) of all contexts where there are no bumps
+        ndarray, shape (N, M, 3), or (1, M, 3) of all contexts where there are no bumps
             inf behind the last vertex of a ground that has fewer than M.
         """
         if self.slope_section.bumps is None:
-            return vertices_of(self.slope_section.profile)[np.newaxis, :, :2]
+            return vertices_of(self.slope_section.profile)[np.newaxis]
         return self._vertices(_rows_of(contexts)[:, _TRACK])
 
     @property
@@ -514,7 +527,7 @@ class Scenario(Document):
         return float((ends[AHEAD:] - x).max()), float(np.ptp(vertices[:, 1])) or 1.0
 
     def _vertices(self, tracks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Vertices of tracks with such numbers, shapes (N, M, 2) and (N,); raise ValueError if they are none."""
+        """Vertices of tracks with such numbers, shapes (N, M, 3) and (N,); raise ValueError if they are none."""
         accepts, allowed = Context.rules[_TRACK]
         fine = np.asarray(accepts(tracks))
         if not fine.all():
@@ -532,7 +545,7 @@ class Scenario(Document):
         size = max(body.size for body in self.all_bodies())
         begin = size if section.start_m is None else section.start_m
         ranges = section.gap_m, section.face_m, section.top_m, section.back_m, section.height_m
-        return Bumps(*ranges, begin, self.slope_section.length_m - size)
+        return Bumps(*ranges, begin, self.slope_section.length_m - size, section.rounding_m)
 
     def _rows_of_slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         section, contact = self.slope_section, self.contact
@@ -567,6 +580,7 @@ class Scenario(Document):
             end_on_chord=self.ends.on_chord,
             end_touching=self.ends.touching,
             run_out=self.slope_section.run_out_m,
+            tolerance=self.limits.tolerance,
         )
 
     def launch(
@@ -703,10 +717,12 @@ def _laid_out(content: Any) -> Any:
             vertices = np.array(profile if profile else [], np.float64).reshape(-1, 2)
         except (TypeError, ValueError):
             return content
-        ground = Ground(vertices, np.ones(len(vertices), bool), 0.0, (), None)
+        ground = Ground(vertices, np.column_stack([vertices, np.zeros(len(vertices))]), 0.0, (), None)
     else:
         ground = _read(file, tolerance, slope)
-        slope["profile_m"] = ground.vertices[ground.kept].tolist()
+        slope["profile_m"] = ground.told[:, :2].tolist()
+        if ground.told[:, 2].any():
+            slope["rounding_m"] = ground.told[:, 2].tolist()
         if ground.angle_deg is not None:
             slope["angle_deg"] = ground.angle_deg
     if len(ground.vertices) and "length_m" not in slope:
@@ -726,8 +742,8 @@ def _read(file: Any, tolerance: Any, slope: dict[str, Any]) -> Ground:
     name = f"slope.profile_file = {file!r}"
     if not isinstance(file, str):
         raise ValueError(f"{name}: must be the path of a CSV file")
-    for key in ("profile_m", "bumps"):
-        if slope.get(key) is not None:
+    for key in ("profile_m", "rounding_m", "bumps"):
+        if slope.get(key) not in (None, 0.0):
             raise ValueError(f"{name}: must be left out where there is slope.{key}")
     if tolerance is not None:
         tolerance = _checked("tolerance_m", tolerance)

@@ -11,7 +11,7 @@ from typing import Annotated, Final, Literal, Self
 import numpy as np
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
-from sledenv.scenarios.configuration import Bounds, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
 from sledenv.scenarios.rocks import RockBody
 from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
@@ -195,6 +195,7 @@ class BumpsSection(Section):
         None  # on which it falls; as long as its face unless given
     )
     start_m: Annotated[float | None, Quantity("[0, inf) m")] = None  # of the first gap; the size of the body by default
+    rounding_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # radius of all vertices
 
     @model_validator(mode="after")
     def _not_too_steep(self) -> Self:
@@ -215,7 +216,8 @@ class SlopeSection(Section):
     gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
     run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the line, where a crash still counts
     profile_m: Annotated[tuple[Pair, ...] | None, Points("(-inf, inf) m", 2, MOST_VERTICES)] = None
-    # What ``Scenario`` reads before: it puts into ``profile_m`` what is in the file.
+    rounding_m: Annotated[float | tuple[float, ...], OneOrSeveral("[0, inf) m")] = 0.0  # of its vertices
+    # What ``Scenario`` reads before: it puts into ``profile_m`` and ``rounding_m`` what is in the file.
     profile_file: StrictStr | None = None
     tolerance_m: Annotated[float | None, Quantity("(0, inf) m")] = None
     bumps: BumpsSection | None = None
@@ -234,6 +236,16 @@ class SlopeSection(Section):
             raise ValueError(f"the piece from vertex {problem[0] - 1} to {problem[0]} {problem[1]}")
         return profile
 
+    @field_validator("rounding_m")
+    @classmethod
+    def _of_each_vertex(cls, rounding: float | tuple[float, ...], info: ValidationInfo) -> float | tuple[float, ...]:
+        profile = info.data.get("profile_m")
+        if "profile_m" in info.data and profile is None and rounding != 0.0:
+            raise ValueError("must be left out without profile_m; bumps have a rounding_m of their own")
+        if isinstance(rounding, tuple) and profile is not None and len(rounding) != len(profile):
+            raise ValueError(f"must hold one for each of {len(profile)} vertices, or be one number")
+        return rounding
+
     @field_validator("bumps")
     @classmethod
     def _or_a_profile(cls, bumps: BumpsSection | None, info: ValidationInfo) -> BumpsSection | None:
@@ -249,7 +261,7 @@ class SlopeSection(Section):
 
 @lru_cache
 def _profile(section: SlopeSection) -> Profile:
-    return checked_profile(section.profile_m or ())
+    return checked_profile(section.profile_m or (), section.rounding_m)
 
 
 class ZoneSection(Section):
@@ -382,6 +394,7 @@ class LimitsSection(Section):
 
     max_time_s: Annotated[float, Quantity("(0, inf) s")]
     max_rebounds: Annotated[int, Whole("[1, 1000000]")]
+    tolerance: Annotated[float, Quantity("[1e-18, 0.001]")] = 1e-14  # of the series of a step in contact
 
 
 class EndsSection(Section):

@@ -1,4 +1,4 @@
-"""Files of ground: profiles and sections of terrain out of CSV, checked line by line and simplified."""
+"""Files of ground: profiles and sections of terrain out of CSV, checked line by line, and fitted."""
 
 from __future__ import annotations
 
@@ -10,8 +10,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.simulation.bends import height_of
 from sledenv.simulation.records import MOST_ZONES
 from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
+from sledenv.simulation.smoothing import fit_ground
 from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
@@ -26,8 +28,8 @@ class Ground(NamedTuple):
     """What a file says of the ground."""
 
     vertices: Floats  # x along the plane of the slope and y over it [m], shape (n, 2), as in the file
-    kept: NDArray[np.bool_]  # which of them are left when it has been simplified, shape (n,)
-    deviation: float  # [m] most that the ground has moved by that, along the normal of the plane
+    told: Floats  # vertices and their radii [m] that tell it within the tolerance, shape (m, 3)
+    deviation: float  # [m] most that a vertex of the file has moved by that, along the normal of the plane
     materials: tuple[str, ...]  # of the piece behind each vertex, "" where none is named; () without the column
     angle_deg: float | None  # of the plane, where the file is a section of terrain
 
@@ -45,7 +47,8 @@ def read_ground(path: str, angle_deg: float | None = None, tolerance: float | No
         Of the plane over which terrain is measured; by default that through its first and its last place, to a
         millionth of a degree. Its origin is the ground at x_m = 0.
     tolerance : float, optional
-        Leave out vertices without which the ground moves by at most this [m], along the normal of the plane.
+        Tell the ground by few straight pieces and arcs, so that it moves by at most this [m], along the normal of the
+        plane: see :func:`sledenv.simulation.smoothing.fit_ground`.
 
     Raises
     ------
@@ -72,7 +75,8 @@ def read_ground(path: str, angle_deg: float | None = None, tolerance: float | No
         k, text = problem
         over = "" if told is None else f" of {told:g} degrees"
         raise ValueError(f"line {lines[k]}: the piece from line {lines[k - 1]} to here {text}{over}")
-    return _simplified(Ground(vertices, np.ones(len(x), bool), 0.0, materials, told), tolerance)
+    sharp = np.column_stack([vertices, np.zeros(len(x))])
+    return _fitted(Ground(vertices, sharp, 0.0, materials, told), tolerance)
 
 
 def too_steep(vertices: Floats) -> tuple[int, str] | None:
@@ -156,50 +160,19 @@ def _check_order(header: tuple[str, ...], lines: list[int], x: Floats, y: Floats
     )
 
 
-def _simplified(ground: Ground, tolerance: float | None) -> Ground:
-    """Return a ground with as few vertices as a tolerance [m] allows, or raise ValueError if they are too many."""
-    count = len(ground.vertices)
-    if tolerance is None and count <= MOST_VERTICES:
-        return ground
-    matters = _significance(ground.vertices, tolerance or 0.0)
-    kept = matters > (tolerance or 0.0)
-    if kept.sum() > MOST_VERTICES:
-        given, remedy = f" with tolerance_m = {tolerance}", "give more"
-        if tolerance is None:
-            enough = float(np.sort(matters)[-MOST_VERTICES - 1])
-            step = 10.0 ** (math.floor(math.log10(enough)) - 1)
-            given, remedy = "", f"slope.tolerance_m = {math.ceil(enough / step) * step:.2g} leaves out enough"
+def _fitted(ground: Ground, tolerance: float | None) -> Ground:
+    """Return a ground told by pieces and arcs within a tolerance [m], or raise ValueError for too many vertices."""
+    if tolerance is not None:
+        told = fit_ground(ground.vertices, tolerance)
+        x, y = ground.vertices.T
+        ground = ground._replace(told=told, deviation=float(np.abs(height_of(told, x) - y).max()))
+    if len(ground.told) > MOST_VERTICES:
+        given, remedy = "", "slope.tolerance_m, say 0.01, lets pieces and arcs tell the ground"
+        if tolerance is not None:
+            given, remedy = f" with tolerance_m = {tolerance}", "give more"
         remedy += ", the most that the ground moves by that"
-        raise ValueError(f"holds {int(kept.sum())} vertices{given}: must hold at most {MOST_VERTICES}; {remedy}")
-    x, y = ground.vertices.T
-    deviation = float(np.abs(np.interp(x, x[kept], y[kept]) - y).max())
-    return ground._replace(kept=kept, deviation=deviation)
-
-
-def _significance(vertices: Floats, least: float) -> Floats:
-    """Return up to which tolerance [m] each vertex is kept, inf of the ends; those below ``least`` may be 0.
-
-    The vertices of shape (n, 2) are split where they are furthest from the straight line between two that are kept,
-    after Douglas and Peucker, by their heights over the plane.
-    """
-    x, y = vertices.T
-    matters = np.zeros(len(x))
-    matters[[0, -1]] = math.inf
-    parts = [(0, len(x) - 1, math.inf)]
-    while parts:
-        first, last, outer = parts.pop()
-        if last - first < 2:
-            continue
-        inside = slice(first + 1, last)
-        line = y[first] + (y[last] - y[first]) * ((x[inside] - x[first]) / (x[last] - x[first]))
-        away = np.abs(y[inside] - line)
-        k = int(np.argmax(away))
-        furthest = min(float(away[k]), outer)
-        if furthest > least:
-            split = first + 1 + k
-            matters[split] = furthest
-            parts += [(first, split, furthest), (split, last, furthest)]
-    return matters
+        raise ValueError(f"holds {len(ground.told)} vertices{given}: must hold at most {MOST_VERTICES}; {remedy}")
+    return ground
 
 
 # Zones by piece.

@@ -1,7 +1,7 @@
 """What a whole number draws of many contexts at once, bumps and errors, and the vertices around places on the ground.
 
-The vertices of N grounds are an array of shape (N, M, 2), columns x and y [m]. Where a ground has fewer than M, the
-rest of its row is inf.
+The vertices of N grounds are an array of shape (N, M, 3), columns x, y and the radius with which each is rounded [m].
+Where a ground has fewer than M, the rest of its row is inf.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.scenarios.configuration import Pair
-from sledenv.simulation.scene import Profile
+from sledenv.simulation.scene import Profile, heights_of
 from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
@@ -38,6 +38,7 @@ class Bumps(NamedTuple):
     height: Pair
     begin: float  # where the first gap begins
     end: float  # behind which there is no bump
+    rounding: float = 0.0  # of all vertices
 
     @property
     def longest(self) -> float:
@@ -45,7 +46,7 @@ class Bumps(NamedTuple):
         return self.gap[1] + self.face[1] + self.top[1] + (self.back or self.face)[1]
 
     def draw(self, tracks: NDArray[np.float64]) -> Floats:
-        """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 2).
+        """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 3).
 
         The same number is the same track on every machine: SplitMix64 turns it into numbers in [0, 1), five a bump, and
         all else is plain arithmetic. As many bumps follow each other as end before ``end``. A gap or a top of less than
@@ -62,7 +63,8 @@ class Bumps(NamedTuple):
         y = drawn[..., 4:] * (0.0, 1.0, 1.0, 0.0)
         fits = np.repeat(x[:, 4::4] <= self.end, 4, axis=1)
         # Without a gap or a top, two vertices are one.
-        return _packed(x[:, 1:], y.reshape(len(drawn), -1), fits & np.c_[np.ones(len(x), bool), x[:, 2:] > x[:, 1:-1]])
+        kept = fits & np.c_[np.ones(len(x), bool), x[:, 2:] > x[:, 1:-1]]
+        return _packed(x[:, 1:], y.reshape(len(drawn), -1), self.rounding, kept)
 
     def most(self) -> int:
         """Return how many bumps there can be."""
@@ -75,7 +77,7 @@ def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.boo
 
     Parameters
     ----------
-    vertices : ndarray, shape (N, M, 2) or (1, M, 2)
+    vertices : ndarray, shape (N, M, 3) or (1, M, 3)
         Of one ground for all places, or of one a place: ``Scenario.vertices``.
     x : ndarray, shape (N,)
         Places [m] along the slope. A vertex at the place itself is behind it.
@@ -97,13 +99,17 @@ def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.boo
     else:
         reached, row = (vertices[:, :, 0] <= x[:, np.newaxis]).sum(axis=1), np.arange(lanes)[:, np.newaxis]
     places = reached[:, np.newaxis] + np.arange(-BEHIND, AHEAD)
-    found = vertices[row, np.clip(places, 0, most - 1)]
+    found = vertices[row, np.clip(places, 0, most - 1), :2]
     there = (places >= 0) & (places < most) & np.isfinite(found[..., 0])
     found = np.where(there[..., np.newaxis], found, 0.0)
     (x0, y0), (x1, y1) = found[:, BEHIND - 1].T, found[:, BEHIND].T
     left, right = there[:, BEHIND - 1], there[:, BEHIND]
     share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=left & right)
-    here = np.stack([x, np.where(left, y0, y1) + share * (y1 - y0)], axis=-1)
+    ground = np.where(left, y0, y1) + share * (y1 - y0)
+    for lane in np.flatnonzero((np.where(np.isfinite(vertices[..., 2]), vertices[..., 2], 0.0) > 0.0).any(axis=1)):
+        lanes_of = slice(None) if len(vertices) == 1 else slice(lane, lane + 1)
+        ground[lanes_of] = heights_of(vertices[lane, np.isfinite(vertices[lane, :, 0])], x[lanes_of])
+    here = np.stack([x, ground], axis=-1)
     return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there, here[:, 1]
 
 
@@ -137,18 +143,18 @@ def _logarithms(values: Floats) -> Floats:
 
 
 def profiles_of(vertices: Floats) -> list[Profile]:
-    """Return the profiles of grounds, N of shape (N, M, 2)."""
+    """Return the profiles of grounds, N of shape (N, M, 3)."""
     counts = np.isfinite(vertices[..., 0]).sum(axis=1).tolist()
     rows = zip(vertices.tolist(), counts, strict=True)
-    return [tuple((x, y, 0.0) for x, y in row[:count]) for row, count in rows]
+    return [tuple((x, y, radius) for x, y, radius in row[:count]) for row, count in rows]
 
 
-def _packed(x: Floats, y: Floats, kept: NDArray[np.bool_]) -> Floats:
-    """Return the vertices that are kept, one behind the other: shapes (N, K) and (N, M, 2)."""
+def _packed(x: Floats, y: Floats, rounding: float, kept: NDArray[np.bool_]) -> Floats:
+    """Return the vertices that are kept, one behind the other, with one radius: shapes (N, K) and (N, M, 3)."""
     counts = np.cumsum(kept, axis=1)
     rows, columns = np.nonzero(kept)
-    vertices = np.full((len(x), int(counts[:, -1].max(initial=0)) if kept.shape[1] else 0, 2), np.inf)
-    vertices[rows, counts[rows, columns] - 1] = np.column_stack([x[kept], y[kept]])
+    vertices = np.full((len(x), int(counts[:, -1].max(initial=0)) if kept.shape[1] else 0, 3), np.inf)
+    vertices[rows, counts[rows, columns] - 1] = np.column_stack([x[kept], y[kept], np.full(len(rows), rounding)])
     return vertices
 
 

@@ -22,10 +22,10 @@ from sledenv.simulation.scene import (
     State,
     Tracks,
     Zone,
-    sharp_crests,
     laid,
     misplaced_zones,
     restitution_of,
+    sharp_crests,
 )
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.support import resting_heights, within_a_turn
@@ -277,8 +277,8 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     wrong = np.broadcast_to(sharp, count) & np.broadcast_to(crests[tracks.numbers], count)
     if wrong.any():
         raise ValueError(
-            f"{names.body.format(lane=int(np.argmax(wrong)))} has a sharp corner: all arcs must have a radius > 0 where "
-            "the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
+            f"{names.body.format(lane=int(np.argmax(wrong)))} has a sharp corner: all arcs must have a radius > 0 "
+            "where the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
             "Slope(..., rounding=...) crests"
         )
 

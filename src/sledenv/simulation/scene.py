@@ -47,7 +47,7 @@ _RADIUS: Rule = (lambda v: v >= 0.0, "in [0, inf] m")
 
 
 def pieces_of(vertices: Floats) -> np.ndarray:
-    """Return the pieces of the ground with their bends, kernel.geometry.PIECE of shape (n + 1,), from (n, 3) vertices."""
+    """Return the pieces of ground with their bends, kernel.geometry.PIECE of shape (n + 1,), of (n, 3) vertices."""
     pieces = np.zeros(len(vertices) + 1, PIECE)
     run_lay(vertices, pieces)
     return pieces
@@ -99,7 +99,9 @@ def _checked_rounding(given: Any, count: int) -> Floats:
             return np.zeros(count)
         if len(given) != count:
             held = f"{len(given)} numbers"
-            raise ValueError(f"Slope.rounding holds {held}: must hold one for each of {count} vertices, or be one number")
+            raise ValueError(
+                f"Slope.rounding holds {held}: must hold one for each of {count} vertices, or be one number"
+            )
         return np.array([checked("Slope", f"rounding[{k}]", radius, _RADIUS) for k, radius in enumerate(given)])
     return np.full(count, checked("Slope", "rounding", given, _RADIUS))
 

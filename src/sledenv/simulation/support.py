@@ -234,8 +234,9 @@ class _Outline:
         return some
 
     def arcs(self) -> dict[str, NDArray[Any]]:
-        """Return the arcs of each body, shape (M, arcs): where their centres are from the mass centre, their radii and
-        the ends of their intervals; and whether there is one.
+        """Return where the centres of arcs are from the mass centre, radii, ends of intervals; and which there are.
+
+        All have shape (M, arcs).
         """
         record = np.zeros(len(self.lane), np.intp) if len(self.records) == 1 else self.lane
         most = int(self.records["count"].max())
