@@ -35,7 +35,7 @@ class Rides(NamedTuple):
     supplied: Floats  # [J] at the line, but for the work of the rotor in the batch, (m,)
     mass: Floats  # [kg], (m,)
     contexts: Contexts  # as far as they are seen, (m, 12)
-    vertices: Floats  # [m] of the ground that is seen, infinite where there are fewer, (m, k, 2)
+    vertices: Floats  # [m] of the ground that is seen, infinite where there are fewer, (m, k, 3)
 
     def take(self, lanes: NDArray[np.intp]) -> Rides:
         """Return independent rides that stand where some of these stand."""
@@ -178,8 +178,8 @@ def _ended(profile: Profile) -> Profile:
 
 
 def _vertices(profiles: list[Profile]) -> Floats:
-    """Return the vertices of profiles, infinite where one has fewer than another, shape (n, k, 2)."""
-    vertices = np.full((len(profiles), max(map(len, profiles), default=0), 2), np.inf)
+    """Return the vertices of profiles, infinite where one has fewer than another, shape (n, k, 3)."""
+    vertices = np.full((len(profiles), max(map(len, profiles), default=0), 3), np.inf)
     for row, profile in zip(vertices, profiles, strict=True):
-        row[: len(profile)] = np.reshape(profile, (-1, 3))[:, :2]
+        row[: len(profile)] = np.reshape(profile, (-1, 3))
     return vertices

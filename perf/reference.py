@@ -74,6 +74,8 @@ def problem(name: str, contexts: Floats) -> tuple[tuple[Any, ...], dict[str, Any
         fields["end_touching"] = scenario.ends.touching
     if scenario.slope_section.run_out_m > 0.0:
         fields["run_out"] = scenario.slope_section.run_out_m
+    if hasattr(scenario.limits, "tolerance"):
+        fields["tolerance"] = scenario.limits.tolerance
     parts = scenario.laws(contexts), scenario.slopes(contexts), scenario.launches(contexts)
     return (scenario.body(), *parts), fields
 

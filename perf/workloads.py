@@ -31,6 +31,7 @@ _CUT_DISC = str(Path(__file__).with_name("cut_disc.yaml"))
 _KIND, _LANES = "SledLaunch", 1024
 _SINGLE = 64  # copies of the reference descent in a compiled loop, and episodes of an environment
 _SAMPLES = 16_384  # of one short training run
+_DECISIONS = 60  # of a ride at most
 
 Prepared = tuple[Callable[[], float], float]  # measures the time [s] of a unit of work; units that one run does
 
@@ -99,6 +100,25 @@ def descents_of_episodes() -> tuple[tuple[Any, ...], dict[str, Any]]:
     return problem(SCENARIO, drawn)
 
 
+def _rides(name: str) -> Prepared:
+    """Prepare rides of a scenario with a rider who trims at random; the units are flights that are decided on."""
+    given, fields = problem(name, contexts(name, 256))
+    rider = sledenv.load_scenario(name).rider
+    rotor = {"rotor_inertia": rider.rotor_inertia_kg_m2, "shortest_flight": rider.shortest_flight_s}
+    spins = rider.trim_rad_s * np.random.default_rng(0).uniform(-1.0, 1.0, (_DECISIONS, 256))
+    running = sledenv.STATUS_OF_CODE.index(sledenv.Status.RUNNING)
+
+    def run() -> int:
+        rides = sledenv.RideBatch(*given, **settings(**fields), **rotor)
+        decisions = 0
+        for trims in spins:
+            decisions += int((rides.outcomes()["status"] == running).sum())
+            rides.hop(trims)
+        return decisions
+
+    return _timed(run, float(run()))
+
+
 def _ppo() -> Prepared:
     import torch
 
@@ -132,6 +152,8 @@ WORKLOADS: dict[str, Workload] = {
     "mat-rigid": Workload("the same, rigid solver", "descent", lambda: _scenario("sled_mat", "rigid")),
     "arc-hop": Workload("one hop of a cut disc on its arc", "hop", lambda: _one_hop(0.0, 0.5)),
     "chord-hop": Workload("one on its chord, both ends of which touch", "hop", lambda: _one_hop(math.pi, 0.002)),
+    "rollers": Workload("256 rides of sled_rollers, trimmed at random", "decision", lambda: _rides("sled_rollers")),
+    "terraces": Workload("the same on sled_terraces", "decision", lambda: _rides("sled_terraces")),
     "step": Workload("SledLaunch on sled_mat, info=('jam',)", "reset and step", lambda: _timed(episodes(), _SINGLE)),
     "step-kernel": Workload("these descents as a batch", "descent", lambda: _batch(descents_of_episodes(), False)),
     "env": Workload("the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES), _LANES)),

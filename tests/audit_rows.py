@@ -177,7 +177,7 @@ def look_at_row(
         found[DEEPER] = max(found[DEEPER], least - depth)
         found[SHALLOWER] = max(found[SHALLOWER], depth - most)
         air = clearance(pieces, bends, contact[AT_X], contact[AT_Y])
-        found[AIR], found[UNDER] = max(found[AIR], air - most), max(found[UNDER], -air)
+        found[AIR], found[UNDER] = max(found[AIR], air), max(found[UNDER], -air)
         found[WITHIN] = max(found[WITHIN], within)
         if not has_normal(pieces, bends, contact[AT_X], contact[AT_Y], nx, ny, law[NEAR]):
             found[ODD] = 1.0

@@ -81,14 +81,15 @@ def test_a_case_can_be_told_as_code() -> None:
 
 
 def test_cases_are_of_all_kinds() -> None:
-    """Oracle: the names of bodies, grounds and launches; bodies lie on the ground or above it."""
+    """Oracle: the names of bodies, grounds and launches; over sharp ground bodies lie on it or above."""
     drawn = Counter[str]()
     for number in range(300):
         case = rough_case(6, number)
-        drawn.update(case.name.split(", ")[:3])
-        touching = touching_height(case.body, case.slope.profile, case.launch.x, case.launch.phi)
-        assert case.launch.y >= touching - 1e-12, case.name
-    assert set(drawn) == {*BODIES, *GROUNDS, *LAUNCHES}
+        drawn.update([*case.name.split(", ")[:3], "rounded" if case.slope.rounding else "sharp"])
+        if not case.slope.rounding:
+            touching = touching_height(case.body, case.slope.profile, case.launch.x, case.launch.phi)
+            assert case.launch.y >= touching - 1e-12, case.name
+    assert set(drawn) == {*BODIES, *GROUNDS, *LAUNCHES, "rounded", "sharp"}
 
 
 def test_what_is_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
@@ -376,11 +377,13 @@ def test_a_contact_on_a_bend_is_understood(convex: bool) -> None:
     row["x"], row["y"], row["touching"] = sign * away * nx, centre + sign * away * ny, 1
     row["contacts"][0, 0] = 2.0 * sign * nx, centre + 2.0 * sign * ny, nx, ny, 1e6 * sunk, 0.0, 1, 3
     row["normal"] = 1e6 * sunk
-    law, slope = sledenv.ContactLaw(1e6, 0.0, 0.3, 0.0), sledenv.Slope(0.0, profile=profile)
+    law, sharp = sledenv.ContactLaw(1e6, 0.0, 0.3, 0.0), sledenv.Slope(0.0, profile=profile)
+    slope = sledenv.Slope(0.0, profile=profile, rounding=[0.0, 2.0, 0.0])
     descent = dataclasses.replace(ride(), body=DISC, law=law, slope=slope, trajectory=row)
     of_contact = {"air", "under the ground", "outline", "normal", "spring", "depth", "pull"}
-    found = {fault.kind for fault in of_rows(descent, look(descent, [0.0, 2.0, 0.0]))}
+    found = {fault.kind for fault in of_rows(descent, look(descent))}
     assert found & of_contact == set()
+    descent = dataclasses.replace(descent, slope=sharp)
     found = {fault.kind for fault in of_rows(descent, look(descent))}
     assert found >= ({"normal", "under the ground"} if convex else {"normal", "air"})
 

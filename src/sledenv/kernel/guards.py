@@ -91,9 +91,9 @@ def _released(poly: np.ndarray) -> int:
     """Leading coefficients to pass over of a velocity that leaves zero.
 
     It starts without acceleration, but for the error of the time of its release. Two are passed over if what is left
-    would have the wrong sign.
+    would have the wrong sign, and more where no load is there yet to drive it.
     """
-    return 1 if poly[1] > 0.0 else 2
+    return 1 if poly[1] > 0.0 else _begun(poly, 2)
 
 
 @kernel

@@ -26,6 +26,7 @@ NEARLY: Final = 1e-5  # and of a slip that is not locked: points that stick at d
 SKEW: Final = 1e-6  # of the product of its diagonal: the determinant of a matrix of which two rows are nearly the same
 VANISHING: Final = 1e-9  # of the speed: a velocity that depends on zeros and is smaller is zero
 SLOW: Final = 1e-2  # of the speed of a fall or of the springs: what is VANISHING is seen on this speed at least,
+ROUNDED: Final = 1e-12  # of that speed: one that is smaller is zero even if normals that differ slightly explain it
 TINY: Final = 1e-12  # [m/s] and on this
 STANDING: Final = 1e-8  # of the speed of a fall: a body that is slower stands still where all its velocities are locked
 STEADY: Final = 1e-10  # of gravity and centrifugal acceleration: a smaller rate is zero
@@ -394,6 +395,29 @@ def _heed_locks(body: np.void, least: float, motion: np.void, contacts: np.void,
 
 
 @kernel
+def _vanishes(
+    body: np.void,
+    least: float,
+    motion: np.void,
+    contacts: np.void,
+    choice: np.void,
+    what: int,
+    c: int,
+    value: float,
+) -> bool:
+    """Whether a velocity that is less than ``least`` follows from those that are locked, and is zero as they are.
+
+    Normals that differ by less than ``DEPENDENT`` leave it as much as that part of the motion: that is no rounding.
+    """
+    q0, q1, q2, part = _unit(body, contacts, choice, what, c)
+    if not part < DEPENDENT:
+        return False
+    u, v, omega = motion["u"], motion["v"], motion["omega"]
+    left = (q0 * q0 + q1 * q1 + q2 * q2) * (body["mass"] * (u * u + v * v) + body["inertia"] * omega * omega)
+    return abs(value) < ROUNDED / VANISHING * least or value * value > 4.0 * left
+
+
+@kernel
 def _spread_zeros(
     body: np.void, slow: float, standing: float, motion: np.void, contacts: np.void, choice: np.void
 ) -> None:
@@ -422,13 +446,13 @@ def _spread_zeros(
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         small = abs(contact["gap_rate"]) < least and contact["gap_sign"] != 0
-        if small and depends(body, contacts, choice, GAP, c):
+        if small and _vanishes(body, least, motion, contacts, choice, GAP, c, contact["gap_rate"]):
             contact["gap_rate"], contact["gap_sign"] = 0.0, 0
         small = abs(contact["slip"]) < least and contact["slip_sign"] != 0
-        if small and depends(body, contacts, choice, SLIP, c):
+        if small and _vanishes(body, least, motion, contacts, choice, SLIP, c, contact["slip"]):
             contact["slip"], contact["slip_sign"] = 0.0, 0
     small = abs(motion["omega"]) * body["size"] < least and contacts["spin_sign"] != 0
-    if small and depends(body, contacts, choice, SPIN, 0):
+    if small and _vanishes(body, least / body["size"], motion, contacts, choice, SPIN, 0, motion["omega"]):
         _change_motion(motion, contacts, 0.0, 0.0, -motion["omega"])
         contacts["spin_sign"] = 0
     if choice["locks"] < 3 and not (rigid and contacts["spin_sign"] != 0):
