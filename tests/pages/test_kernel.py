@@ -105,9 +105,12 @@ def _case(rng: np.random.Generator) -> tuple[Body, ContactLaw, Slope, State, Set
 
 
 def _ride(seed: int, number: int) -> tuple[Body, ContactLaw, Slope, State, Settings]:
-    """A random descent over dips, crests and zones."""
-    case = random_case((seed, number), zoned=True, planes=False)
-    return case.body, case.law, case.slope, case.launch, Settings(max_time=3.0, max_rebounds=40)
+    """A random descent over dips, crests and zones; some vertices are sharp, some round."""
+    case, rng = random_case((seed, number), zoned=True, planes=False), np.random.default_rng((seed, number, 1))
+    count = len(case.slope.profile)
+    slope = case.slope._replace(rounding=(rng.random(count) < rng.random()) * 10.0 ** rng.uniform(-2.0, 1.0, count))
+    launch = case.launch._replace(y=case.launch.y + 0.5)  # over dips that are less deep now
+    return case.body, case.law, slope, launch, Settings(max_time=3.0, max_rebounds=40)
 
 
 def _numbers(descent: Descent) -> Iterator[Any]:

@@ -114,6 +114,7 @@ def test_curves_of_contacts_bear_the_names_of_what_touches() -> None:
         assert np.array_equal(~np.isnan(values), mine.any(axis=1))
         assert np.nansum(values) == pytest.approx(rows["contacts"]["normal"][mine].sum())
     assert [ground_name(code) for code in range(4)] == ["piece 0", "vertex 0", "piece 1", "vertex 1"]
+    assert [ground_name(code, (0.0, 0.5)) for code in range(4)] == ["piece 0", "vertex 0", "piece 1", "bend 1"]
     descent.contacts["ground"][-2:] = 3
     pair = descent.contacts[-2:]
     assert set(by_label(descent, pair, pair["normal"], len(rows))) == {"nose on vertex 1", "tail on vertex 1"}

@@ -11,7 +11,7 @@ from sledenv.pages.columns import trajectory_columns
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import Arc
-from sledenv.simulation.scene import ContactLaw
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.words import part_name, rebound_cells, setting, story
 from tests.bodies import DISC, HILL, ICE, SLED, run
@@ -46,6 +46,13 @@ def test_the_rolling_arm_of_corners_is_told_where_there_are_some(body: Body, cor
     descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
     words = setting(body, descent.law, descent.slope, descent.launch)
     assert ("(0 m at a corner)" in words) == corners
+
+
+def test_a_profile_is_described_by_its_extent_and_its_radii() -> None:
+    sharp = Slope(0.2, profile=[(1.0, 0.0), (2.0, 0.5), (4.0, -0.25)])
+    for rounding, radii in ((0.0, ""), (1.5, ", radius 1.5 m"), ([0.0, 2.0, 0.5], ", radii 0 to 2 m")):
+        words = setting(SLED, ICE, sharp._replace(rounding=rounding), State(0.0, 1.0, 0.0)).splitlines()[2]
+        assert words.endswith(f", profile of 3 vertices from 1 to 4 m, heights -0.25 to 0.5 m{radii}")
 
 
 def test_codes_of_parts_have_names() -> None:

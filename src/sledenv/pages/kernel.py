@@ -125,8 +125,8 @@ def descent_input(
     Returns
     -------
     dict
-        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, ``slope`` with its ``zones`` and ``profile``,
-        ``launch``, ``limits``, ``solver``.
+        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, ``slope`` with its ``zones``, ``profile`` and
+        ``rounding``, ``launch``, ``limits``, ``solver``.
 
     Raises
     ------

@@ -72,6 +72,7 @@ _PARAMETERS: Final = (
     _Parameter("bump_face", "ground", "length of a face", "m", 0.5, 10.0, 0.05),
     _Parameter("bump_top", "ground", "length of a top", "m", 0.0, 10.0, 0.05),
     _Parameter("bump_gap", "ground", "from one to the next", "m", 0.5, 20.0, 0.05),
+    _Parameter("rounding", "ground", "rounding of all vertices", "m", 0.0, math.inf, 0.05),
     _Parameter("friction", "surface", "friction", "", 0.0, 1.5, 0.005),
     _Parameter("restitution", "surface", "restitution", "", 0.01, 1.0, 0.01),
     _Parameter("stiffness", "surface", "stiffness", "kN/m", 10.0, 1e6, 0.0, 1e3),
@@ -295,12 +296,17 @@ def given_values(body: Body, law: ContactLaw, slope: Slope, launch: State) -> di
 
 
 def _ground_values(law: ContactLaw, slope: Slope) -> dict[str, float]:
-    """Return what the sliders show but for launch and body, in SI units; a ground of its own has no height of bumps."""
+    """Return what the sliders show but for launch and body, in SI units.
+
+    A ground of its own has no height of bumps; one whose vertices have several radii has no rounding of all.
+    """
+    radii = set(slope.rounding or (0.0,))
     return {
         "angle": slope.angle,
         "length": slope.length,
         "bump_height": math.nan if slope.profile else 0.0,
         **{"bump_face": 2.0, "bump_top": 0.5, "bump_gap": 4.0},
+        "rounding": radii.pop() if len(radii) == 1 else math.nan,
         "friction": law.friction,
         "restitution": law.restitution,
         "stiffness": law.stiffness,

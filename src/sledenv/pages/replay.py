@@ -71,7 +71,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     context = told_setting("as given", 0, given_values(*given), *given[1:])
     body = NamedBody("body as given", descent.body.typed(), descent.body)
     return simulating_page(
-        page_content([context], [body], descent.law, descent.slope, settings) | ({"kernel": ""} if recorded else {}),
+        page_content([context], [body], descent.law, descent.slope, settings),
         still(descent),
         title=title,
         id="descent",

@@ -80,7 +80,7 @@ def labels(descent: Descent, forces: np.ndarray) -> np.ndarray:
     profile = bool((descent.contacts["ground"] > 0).any()) and len(pairs) <= _MOST_LABELS
     said = np.full(len(forces), "", dtype=object)
     for part, ground in pairs.tolist():
-        words = descent.body.parts[part - 1] + (f" on {ground_name(ground)}" if profile else "")
+        words = descent.body.parts[part - 1] + (f" on {ground_name(ground, descent.slope.rounding)}" if profile else "")
         said[(forces["part"] == part) & (forces["ground"] == ground)] = words
     return said
 

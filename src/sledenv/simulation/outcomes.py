@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from operator import itemgetter
@@ -37,9 +38,14 @@ CONTACTS: Final = np.dtype(
 """Contacts of a trajectory, one after the other: :attr:`Descent.contacts`."""
 
 
-def ground_name(code: int) -> str:
-    """Return what is touched of the ground, from its code in records: "piece 2" or "vertex 1" of the profile."""
-    return f"{'vertex' if code % 2 else 'piece'} {code // 2}"
+def ground_name(code: int, rounding: Sequence[float] = ()) -> str:
+    """Return what is touched of the ground, from its code in records: "piece 2" or "vertex 1" of the profile.
+
+    With the radii of the vertices one that has a radius is a bend: "bend 1".
+    """
+    k, at_vertex = divmod(code, 2)
+    vertex = "bend" if any(rounding[k : k + 1]) else "vertex"
+    return f"{vertex if at_vertex else 'piece'} {k}"
 
 
 def contacts_in(rows: np.ndarray) -> np.ndarray:

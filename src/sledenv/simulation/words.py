@@ -73,8 +73,12 @@ def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
 def _profile_words(slope: Slope) -> str:
     if not slope.profile:
         return ""
-    x, y, _ = slope.vertices.T
-    return f", profile of {len(x)} vertices from {x[0]:.4g} to {x[-1]:.4g} m, heights {y.min():.4g} to {y.max():.4g} m"
+    x, y, radii = slope.vertices.T
+    words = f", profile of {len(x)} vertices from {x[0]:.4g} to {x[-1]:.4g} m, heights {y.min():.4g} to {y.max():.4g} m"
+    if not slope.rounding:
+        return words
+    low, high = radii.min(), radii.max()
+    return words + (f", radius {low:.4g} m" if low == high else f", radii {low:.4g} to {high:.4g} m")
 
 
 def _zone_words(zone: Zone) -> str:

@@ -18,8 +18,8 @@ class Kernel {
   }
 
   /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
-     zones, launch and limits as objects of numbers with the fields of the kernel's tuples, solver "compliant" or
-     "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory. With
+     zones, its profile and the rounding of that, launch and limits as objects of numbers with the fields of the kernel's
+     tuples, solver "compliant" or "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory. With
      ride: { rotor_inertia [kg m^2], spins [rad/s] } it is a ride: it is followed to the first flight that is not too
      short, and on by a hop with each of the spins lent; its status is "running" if it has not ended then.
 
@@ -50,6 +50,13 @@ class Kernel {
     return { a: numbers.filter((_, i) => i % 2 === 0), b: numbers.filter((_, i) => i % 2 === 1) };
   }
 
+  /* The ground: columns of PIECE in kernel/geometry.py, a row for each piece with the bend where it begins. */
+  pieces(slope) {
+    this.#clear();
+    const { place, lengths } = this.#laid(slope);
+    return this.#columns("PIECE", place, lengths[0]);
+  }
+
   #run({ body, law, slope, launch, limits = {}, solver = "compliant", ride = null }, room) {
     const rigid = solver === "rigid";
     const most = { ...this.layout.limits, ...limits };
@@ -70,7 +77,7 @@ class Kernel {
     const trims = ride ? this.#row([0, 0, 0]) : { place: 0, lengths: [0, 3] };
     const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
     const written = [flights, logs, rows, space];
-    const ground = this.#pieces(slope.profile ?? []);
+    const ground = this.#laid(slope);
     const track = this.#row([0, ground.lengths[0]]);
     const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, track, ground, ...written, 1];
     const takeoffs = [];
@@ -96,9 +103,11 @@ class Kernel {
     };
   }
 
-  /* What the kernel reads of the ground with such vertices, pairs of numbers; none are a plane. */
-  #pieces(profile) {
-    const vertices = { place: this.#row(profile.flat()).place, lengths: [profile.length, 2] };
+  /* What the kernel reads of the ground: vertices of the profile are pairs of numbers, none are a plane; each may have a
+     radius. */
+  #laid({ profile = [], rounding = [] }) {
+    const rows = profile.flatMap(([x, y], k) => [x, y, rounding[k] ?? 0]);
+    const vertices = { place: this.#row(rows).place, lengths: [profile.length, 3] };
     const pieces = this.#table("PIECE", profile.length + 1);
     this.#call("lay", vertices, pieces);
     return pieces;

@@ -349,17 +349,17 @@ function openAddress() {
 
 async function openPage() {
   $("notes").innerHTML = D.notes.map((text) => `<p class="hint">${escaped(text)}</p>`).join("");
+  const bytes = await unpacked(D.kernel);
+  if (!bytes) return;
   if (D.recorded) {
     document.querySelector("main").classList.add("recorded");
     accept({ ...parsed(D.recorded), scene: sceneOf(), input: structuredClone(chosen), kept: null });
     tell("");
     return;
   }
-  const bytes = await unpacked(D.kernel);
-  if (!bytes) return;
   tell("The first descent is being simulated."); // in place of what is said where no script runs
-  live = new Pool(1, $("worker").textContent, bytes);
-  crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), $("worker").textContent, bytes);
+  live = new Pool(1, bytes);
+  crew = new Pool(clamp(navigator.hardwareConcurrency || 2, 1, 8), bytes);
   buildPanel();
   $("maps").open = D.maps;
   openAddress();

@@ -1,32 +1,48 @@
 "use strict";
-/* The ground: its vertices [x, y] in m, heights over the plane of the slope, which can be dragged, added and removed, or
-   follow from the sliders of bumps; what is wrong with them. */
+/* The ground: its vertices [x, y, radius] in m, heights over the plane of the slope and with which arcs they are rounded,
+   which can be dragged, added and removed, or follow from the sliders of bumps; what is wrong with them. */
 const BUMPS = ["bump_height", "bump_face", "bump_top", "bump_gap"];
 const STRAIGHT = 1e-13; // sine of the turn of a vertex that is none, and what rounding adds: simulation/scene.py
 const ROUNDED = 2 ** -50;
 const MOST_LISTED = 40; // vertices in the panel
 const GRIP = 12; // [px] around a vertex
 
+for (const one of E.contexts) one.vertices = one.slope.profile.map(([x, y], k) => [x, y, one.slope.rounding[k] ?? 0]);
+
 /* All vertices, those without a turn too: set by hand, of bumps, or as the page began. */
 function verticesOf() {
-  if (chosen.profile) return chosen.profile;
   const allowed = BUMPS.every((name) => !problemOf(name, shownOf(name)));
-  return BUMPS.some(isChanged) && allowed ? bumps() : here().slope.profile;
+  const found = chosen.profile ?? (BUMPS.some(isChanged) && allowed ? bumps() : here().vertices);
+  return isChanged("rounding") ? found.map(([x, y]) => [x, y, radiusOfAll()]) : found;
 }
 
-/* What is simulated: as the page began, to the last bit, or without vertices that do not turn. */
-const profileOf = () => (verticesOf() === here().slope.profile ? here().slope.profile : turning(verticesOf()));
+const radiusOfAll = () => valueOf("rounding") || 0; // 0 where each has its own
 
-/* Bumps of one shape, of numbers that are in their ranges; the last of which ends where a finish can be. */
+/* What is simulated: as the page began, to the last bit, or without vertices that do not turn. */
+function groundOf() {
+  const vertices = verticesOf() === here().vertices ? here().vertices : turning(verticesOf());
+  return { profile: vertices.map(([x, y]) => [x, y]), rounding: vertices.map(([, , radius]) => radius) };
+}
+
+/* Its line; where vertices are wrong, through those that there are. */
+function groundLine() {
+  const vertices = verticesOf();
+  if (!problemOfVertices(vertices)) return lineOf(own.pieces(groundOf()), bodyOf().size);
+  return { x: thereOf(vertices).map(([x]) => x), y: thereOf(vertices).map(([, y]) => y) };
+}
+
+const thereOf = (vertices) => vertices.filter(([x, y]) => Number.isFinite(x) && Number.isFinite(y));
+
+/* Bumps of one shape, of numbers that are in their ranges, as many as there is room for before the finish. */
 function bumps() {
   const [height, face, top, gap] = BUMPS.map(valueOf);
-  const end = Math.min(valueOf("length"), 200) - 1.2 * bodyOf().size;
+  const end = Math.min(valueOf("length"), 200);
   const wide = 2 * face + top;
   const found = [];
   if (height === 0) return found;
   for (let x = gap; x + wide <= end; x += wide + gap)
     found.push([x, 0], [x + face, height], ...(top > 0 ? [[x + face + top, height]] : []), [x + wide, 0]);
-  return found;
+  return found.map((vertex) => [...vertex, radiusOfAll()]);
 }
 
 function setVertices(vertices) {
@@ -63,16 +79,17 @@ function isStraight(last, [x, y], next) {
   return Math.abs(left.along * right.up - left.up * right.along) < Math.max(STRAIGHT, rounding);
 }
 
-/* What is wrong with the ground, and what helps. */
-function problemOfGround(vertices, length) {
+/* What is wrong with vertices, and what helps. */
+function problemOfVertices(vertices) {
   const { most, steepest } = E.ground;
   const metres = (value) => `${brief(value)} m`;
   if (vertices.length === 1 || vertices.length > most)
     return `the ground has ${vertices.length} vertices: must have none, or 2 to ${most}; add or remove some`;
   for (let k = 0; k < vertices.length; k++) {
-    const [x, y] = vertices[k];
+    const [x, y, radius] = vertices[k];
     const name = `vertex ${k + 1} of the ground`;
     if (!Number.isFinite(x) || !Number.isFinite(y)) return `${name}: must have a place and a height`;
+    if (!(radius >= 0)) return `${name} has the radius ${radius} m: must be in [0, ∞) m`;
     if (k === 0) continue;
     const [before, height] = vertices[k - 1];
     if (x <= before)
@@ -83,44 +100,44 @@ function problemOfGround(vertices, length) {
         "to the plane: must be at most 80°; move it on, or nearer to the height of the one before"
       );
   }
-  const profile = turning(vertices);
-  if (!profile.length) return "";
+  return "";
+}
+
+/* What is wrong with the ground, and what helps. */
+function problemOfGround() {
+  const found = problemOfVertices(verticesOf());
+  if (found) return found;
+  const vertices = turning(verticesOf());
+  if (!vertices.length) return "";
   if (chosen.solver === "rigid")
     return "surfaces are rigid: must be compliant over bumps; choose these, or flat ground";
-  const tops = profile.some(([x, y], k) => slopeOf(profile[k - 1], [x, y]) > slopeOf([x, y], profile[k + 1]));
-  if (bodyOf().sharp && tops)
-    return `${bodyOf().name} has sharp corners: must have round ones over tops; choose another body, or flat ground`;
-  const { size } = bodyOf();
-  const k = profile.findIndex(
-    ([x, y], i) =>
-      i + 1 < profile.length && profile[i + 1][1] !== y && x < length + size && profile[i + 1][0] > length - size,
+  const sharp = vertices.some(
+    (one, k) => one[2] === 0 && slopeOf(vertices[k - 1], one) > slopeOf(one, vertices[k + 1]),
   );
-  if (k >= 0)
-    return (
-      `the finish at ${metres(length)} is too near to ground that is not level, from ${metres(profile[k][0])} to ` +
-      `${metres(profile[k + 1][0])}: must be ${metres(size)} away, the size of the body; change the length, or move these vertices`
-    );
+  if (bodyOf().sharp && sharp)
+    return `${bodyOf().name} has sharp corners: must have round ones over sharp tops; round these, or choose another body`;
   return "";
 }
 
 const slopeOf = (from, to) => (from && to ? (to[1] - from[1]) / (to[0] - from[0]) : 0);
 
-/* The address: x,y;x,y. */
-const vertexText = (vertices) => vertices.map((one) => one.join(",")).join(";");
+/* The address: x,y;x,y,radius. */
+const vertexText = (vertices) =>
+  vertices.map(([x, y, radius]) => [x, y, ...(radius ? [radius] : [])].join(",")).join(";");
 
 const readVertices = (text) =>
   text
     .split(";")
     .filter((one) => one !== "")
-    .map((one) => [0, 1].map((i) => Number(one.split(",")[i]?.trim() || NaN)));
+    .map((one) => [NaN, NaN, 0].map((missing, i) => Number(one.split(",")[i]?.trim() || missing)));
 
 /* The picture: the land, and what can be taken hold of in it before the film begins. */
 function drawLand() {
   const { law, slope } = shown.scene;
-  scene.slope.profile = verticesOf();
+  scene.slope.line = groundLine();
   scene.slope.zones = bandsOf(slope.zones, law.friction);
   $("land").innerHTML = scene.ground(...extent(shown.rows.x));
-  $("land").classList.toggle("wrong", problemOfGround(verticesOf(), valueOf("length")) !== "");
+  $("land").classList.toggle("wrong", problemOfGround() !== "");
   $("corners").innerHTML = D.recorded ? "" : corners();
 }
 
@@ -131,9 +148,12 @@ function corners() {
     `<polyline data-grab="ground" points="${scene.surface(first, last).join(" ")}" fill="none" stroke="transparent" stroke-width="18"/>`,
   ];
   let seen = -Infinity;
-  verticesOf().forEach((vertex, k) => {
-    const [column, row] = scene.pixel(...vertex).map(far);
-    if (vertex[0] < first || vertex[0] > last || Math.abs(column - middle) > scene.W) return;
+  // Between vertices: it shows which of them a bend belongs to.
+  const sharp = thereOf(verticesOf()).map(([x, y]) => scene.at(x, y));
+  parts.push(`<polyline points="${sharp.join(" ")}" fill="none" stroke="var(--line)" stroke-dasharray="3 3"/>`);
+  verticesOf().forEach(([x, y], k) => {
+    const [column, row] = scene.pixel(x, y).map(far);
+    if (!(x >= first && x <= last && Math.abs(column - middle) <= scene.W)) return;
     if (Math.abs(column - seen) < 5 && k !== grabbed?.vertex) return;
     seen = Number(column);
     parts.push(
@@ -150,12 +170,12 @@ function added([x, y]) {
   const place = rounded(x, 0.01);
   if (!vertices.length)
     return [
-      [place - 2, 0],
-      [place, rounded(y, 0.005)],
-      [place + 2, 0],
+      [place - 2, 0, radiusOfAll()],
+      [place, rounded(y, 0.005), radiusOfAll()],
+      [place + 2, 0, radiusOfAll()],
     ];
   const k = vertices.findIndex(([there]) => there > place);
-  return vertices.toSpliced(k < 0 ? vertices.length : k, 0, [place, rounded(y, 0.005)]);
+  return vertices.toSpliced(k < 0 ? vertices.length : k, 0, [place, rounded(y, 0.005), radiusOfAll()]);
 }
 
 /* In the middle of the longest piece before the finish, raised a little. */
@@ -169,7 +189,7 @@ function addVertex() {
     .map((x, k) => [places[k], x])
     .reduce((one, other) => (other[1] - other[0] > one[1] - one[0] ? other : one));
   const x = 0.5 * (begin + end);
-  setVertices(added([x, heightOn(verticesOf(), x) + 0.2]));
+  setVertices(added([x, heightOn(groundLine(), x) + 0.2]));
 }
 
 /* Without a vertex; the last two are removed together. */
@@ -181,7 +201,7 @@ const canSet = () => shown && position === 0 && !D.recorded;
 $("scene").addEventListener("click", (event) => {
   if (!canSet() || dropped || !event.target.closest("[data-grab=ground]")) return;
   const [x] = placeOf(event, $("scene").getBoundingClientRect());
-  setVertices(added([x, heightOn(verticesOf(), x)]));
+  setVertices(added([x, heightOn(groundLine(), x)]));
   changed();
 });
 /* A vertex that is pressed twice goes. There is no double click: each press draws the ground anew. */

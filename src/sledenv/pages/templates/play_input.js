@@ -35,7 +35,10 @@ const shownOf = (name) =>
   isChanged(name) ? chosen.changed[name] : Number((begun(name) / PARAMETERS[name].factor).toPrecision(6));
 
 /* What is wrong. */
-const brief = (value) => String(Number(value.toPrecision(6))).replace("-", "−");
+const brief = (value) =>
+  String(Number(value.toPrecision(6)))
+    .replace("-", "−")
+    .replace("Infinity", "∞");
 const rangeOf = ({ low, high, unit }) => `${brief(low)} to ${brief(high)}${unit ? " " + unit : ""}`;
 
 function problemOf(name, value) {
@@ -72,12 +75,12 @@ function problem() {
     const found = problemOf(name, value);
     if (found) return found;
   }
-  return problemOfZones(zonesOf(), valueOf("length")) || problemOfGround(verticesOf(), valueOf("length"));
+  return problemOfZones(zonesOf(), valueOf("length")) || problemOfGround();
 }
 
 /* What the kernel takes. */
 function sceneOf() {
-  const { given, limits, settle_speed: settle } = bodyOf();
+  const { given, limits, settle_speed: settle, size } = bodyOf();
   const mass = valueOf("mass");
   const turned = isChanged("mass") || isChanged("gyration");
   const inertia = turned ? mass * valueOf("gyration") * valueOf("gyration") : given.inertia;
@@ -88,12 +91,12 @@ function sceneOf() {
   const law = { stiffness: valueOf("stiffness"), asymmetry };
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
   const { gravity } = here().slope;
-  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity, zones: zonesOf(), profile: profileOf() };
+  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity, zones: zonesOf(), ...groundOf() };
   if (chosen.solver === "rigid") {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
   }
-  return { body: { ...given, mass, inertia }, law, slope, limits, solver: chosen.solver, x: here().launch.x };
+  return { body: { ...given, mass, inertia }, size, law, slope, limits, solver: chosen.solver, x: here().launch.x };
 }
 
 const LAUNCH = ["orientation", "spin", "speed", "fall", "drop"];
@@ -101,7 +104,7 @@ const launchOf = () => Object.fromEntries(LAUNCH.map((name) => [name, valueOf(na
 
 /* The launch as the page began, to the last bit; null if it has been changed. */
 function givenLaunch() {
-  const other = LAUNCH.some(isChanged) || chosen.body !== here().body || verticesOf() !== here().slope.profile;
+  const other = LAUNCH.some(isChanged) || chosen.body !== here().body || verticesOf() !== here().vertices;
   return other ? null : here().launch;
 }
 
@@ -183,11 +186,12 @@ function readAddress(text) {
     chosen.zones = null;
     if (problemOfZones(zonesOf(), valueOf("length"))) delete chosen.changed.length;
   }
-  const wrongGround = problemOfGround(verticesOf(), valueOf("length"));
+  const wrongGround = problemOfGround();
   if (wrongGround) {
     wrong.push(wrongGround);
     setVertices(null);
-    if (problemOfGround(verticesOf(), valueOf("length"))) delete chosen.changed.length;
+    delete chosen.changed.rounding;
+    if (problemOfGround()) Object.assign(chosen, { body: here().body, solver: D.solver });
   }
   return wrong;
 }
@@ -200,6 +204,12 @@ const spelled = (values) =>
     .map(([name, value]) => `${name}=${number(value)}`)
     .join(", ");
 
+function roundingText(radii) {
+  if (!radii.some((radius) => radius > 0)) return "";
+  const alike = radii.every((radius) => radius === radii[0]);
+  return `, rounding=${alike ? number(radii[0]) : `[${radii.map(number).join(", ")}]`}`;
+}
+
 function pythonOf({ scene, launch, input }) {
   const { body, law, slope, solver } = scene;
   const { python, settings, given } = E.bodies[input.body];
@@ -207,11 +217,11 @@ function pythonOf({ scene, launch, input }) {
   const same = body.mass === given.mass && body.inertia === given.inertia;
   const replaced = same ? "" : `.replace(${spelled({ mass: body.mass, inertia: body.inertia })})`;
   const zones = slope.zones.map((zone) => `    sledenv.Zone(${spelled(zone)}),\n`).join("");
+  const listed = (words) => words.map((one, i) => (i % 4 ? ` ${one},` : `\n    ${one},`)).join("");
   const pairs = slope.profile.map((vertex) => `(${vertex.map(number).join(", ")})`);
-  const lines = pairs.map((pair, i) => (i % 4 ? ` ${pair},` : `\n    ${pair},`)).join("");
-  const profile = pairs.length ? `, profile=[${lines}\n]` : "";
+  const profile = pairs.length ? `, profile=[${listed(pairs)}\n]${roundingText(slope.rounding)}` : "";
   const { angle, length, gravity } = slope;
-  const endless = length === Infinity || slope.zones.some(({ end }) => end === Infinity);
+  const endless = [length, ...slope.zones.map(({ end }) => end), ...slope.rounding].includes(Infinity);
   return [
     ...(endless ? ["import math"] : []),
     "import sledenv",
@@ -227,14 +237,17 @@ function pythonOf({ scene, launch, input }) {
 }
 
 /* What is touched of the ground: ground_name in simulation/outcomes.py. */
-const groundName = (code) => `${code % 2 ? "vertex" : "piece"} ${Math.floor(code / 2)}`;
+function groundName(code, rounding = []) {
+  const k = Math.floor(code / 2);
+  return `${code % 2 ? (rounding[k] > 0 ? "bend" : "vertex") : "piece"} ${k}`;
+}
 
 /* The table of rebounds that rebound_columns in pages/columns.py gives. */
 function csvOf({ rebounds, launch, input }) {
   const { parts } = E.bodies[input.body];
   const words = {
     feature: (code) => (code ? parts[code - 1] : "none"),
-    ground: groundName,
+    ground: (code) => groundName(code),
     mode: (code) => D.modes[code],
   };
   const names = Object.keys(D.columns);

@@ -9,6 +9,7 @@ const GROUPS = {
   hand: "Errors of a noisy hand (standard deviations)",
 };
 const HIGHEST = 1000; // of a slider whose steps are factors
+const SLID = 10; // by a slider of what has no upper end
 
 const toSlider = ({ step, low, high }, value) =>
   step > 0 ? value : (HIGHEST * Math.log(value / low)) / Math.log(high / low);
@@ -16,13 +17,13 @@ const fromSlider = ({ step, low, high }, value) =>
   step > 0 ? value : Number((low * Math.exp((value / HIGHEST) * Math.log(high / low))).toPrecision(3));
 
 function rowOf(one) {
-  const ends =
-    one.step > 0 ? `min="${one.low}" max="${one.high}" step="${one.step}"` : `min="0" max="${HIGHEST}" step="1"`;
+  const last = one.high < Infinity ? one.high : one.low + SLID;
+  const ends = one.step > 0 ? `min="${one.low}" max="${last}" step="${one.step}"` : `min="0" max="${HIGHEST}" step="1"`;
   const name = `${one.label}${one.unit ? ` [${one.unit}]` : ""}`;
   return (
     `<div class="parameter"><label for="number-${one.name}">${escaped(one.label)}</label><span>${escaped(rangeOf(one))}</span>` +
     `<input type="range" ${ends} data-slider="${one.name}" aria-label="${escaped(name)}, slider">` +
-    `<input type="number" id="number-${one.name}" min="${one.low}" max="${one.high}" step="any" data-number="${one.name}" ` +
+    `<input type="number" id="number-${one.name}" min="${one.low}" ${one.high < Infinity ? `max="${one.high}"` : ""} step="any" data-number="${one.name}" ` +
     `aria-label="${escaped(name)}"></div>`
   );
 }
@@ -45,7 +46,8 @@ function buildPanel() {
         group === "slope"
           ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
           : group === "ground"
-            ? '<button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>' +
+            ? '<p class="hint">Bends have this radius, or a smaller one where the pieces beside them are too short.</p>' +
+              '<button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>' +
               '<details><summary>Vertices of the ground</summary><div id="vertices"></div></details>'
             : "";
       const open = i === 0 || window.innerWidth > 860;

@@ -1,6 +1,7 @@
 "use strict";
 /* Workers that simulate. One that takes too long over a task is ended and replaced, so that nothing hangs. */
 const PATIENCE = 2; // [s] for a descent
+let own = null; // the kernel of the page itself, which lays the ground that is drawn
 
 function tell(text) {
   $("problem").textContent = text;
@@ -13,25 +14,36 @@ function giveUp(text) {
   document.querySelector("main").hidden = true;
 }
 
-/* Bytes of the kernel, or null if there is no use in going on. */
+const doesNotStart = (error) => giveUp(`The kernel does not start in this browser: ${error.message}.`);
+
+/* Bytes of the kernel, which runs in the page itself then; or null if there is no use in going on. */
 async function unpacked(text) {
   if (typeof WebAssembly !== "object" || typeof DecompressionStream !== "function") {
     giveUp("This browser has no WebAssembly or cannot unpack it, so it cannot simulate. Any of the last years can.");
     return null;
   }
+  let bytes = null;
   try {
     const packed = Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
     const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
-    return await new Response(stream).arrayBuffer();
+    bytes = await new Response(stream).arrayBuffer();
   } catch {
     giveUp("This file is damaged: the kernel in it cannot be unpacked. Get the file once more.");
     return null;
   }
+  try {
+    own = await Kernel.load(bytes);
+  } catch (error) {
+    doesNotStart(error);
+    return null;
+  }
+  return bytes;
 }
 
 class Pool {
-  constructor(count, source, bytes) {
-    this.address = URL.createObjectURL(new Blob([source], { type: "text/javascript" }));
+  constructor(count, bytes) {
+    const scripts = ["kernel", "worker"].map((id) => $(id).textContent);
+    this.address = URL.createObjectURL(new Blob(scripts, { type: "text/javascript" }));
     this.bytes = bytes;
     this.waiting = []; // tasks
     this.idle = []; // workers
@@ -69,9 +81,13 @@ class Pool {
       else resolve(data.found);
       this.#next();
     });
-    const reject = (error) => giveUp(`The kernel does not start in this browser: ${error.message}.`);
-    hand.worker.addEventListener("error", reject);
-    this.#give(hand, { message: { task: "load", bytes: this.bytes }, seconds: Infinity, resolve: () => {}, reject });
+    hand.worker.addEventListener("error", doesNotStart);
+    this.#give(hand, {
+      message: { task: "load", bytes: this.bytes },
+      seconds: Infinity,
+      resolve: () => {},
+      reject: doesNotStart,
+    });
   }
 
   #next() {

@@ -95,13 +95,6 @@ function filmOf({ rebounds, scene: { body } }, end) {
   return { film, time };
 }
 
-function between(from, to, value) {
-  const i = before(from, value);
-  const j = Math.min(i + 1, from.length - 1);
-  const step = from[j] - from[i];
-  return step > 0 ? to[i] + clamp((value - from[i]) / step, 0, 1) * (to[j] - to[i]) : to[i];
-}
-
 /* What a contact does at a time, null in flight. */
 function pushAt(t) {
   const { rebounds, rows, scene: given } = shown;
@@ -147,7 +140,7 @@ function fit() {
   const slope = {
     ...given.slope,
     length,
-    profile: verticesOf(),
+    line: groundLine(),
     zones: bandsOf(given.slope.zones, given.law.friction),
   };
   const width = clamp($("controls").clientWidth, 260, 1160);
@@ -311,7 +304,7 @@ function drag(event) {
   if (what === "drop") set("drop", drop + y - from[1], 0.001);
   else if (what === "orientation") set("orientation", (Math.atan2(launch.x - x, y - launch.y) * 180) / Math.PI, 0.1);
   else if (what === "vertex") {
-    const moved = [rounded(corner[0] + x - from[0], 0.01), rounded(corner[1] + y - from[1], 0.005)];
+    const moved = [rounded(corner[0] + x - from[0], 0.01), rounded(corner[1] + y - from[1], 0.005), corner[2]];
     setVertices(verticesOf().with(vertex, moved));
     drawLand();
   } else {

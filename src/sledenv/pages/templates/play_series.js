@@ -285,7 +285,7 @@ function contactsByName(rows, inside) {
   inside.forEach((k, i) => {
     const told = [];
     for (const one of [...rows.touches[k]].sort((a, b) => a.x - b.x)) {
-      const label = parts[one.part - 1] + (profile ? ` on ${groundName(one.ground)}` : "");
+      const label = parts[one.part - 1] + (profile ? ` on ${groundName(one.ground, shown.scene.slope.rounding)}` : "");
       told.push(label);
       const count = told.filter((other) => other === label).length;
       const name = count > 1 ? `${label}, ${count}` : label;

@@ -151,8 +151,9 @@ function drawAhead({ rows, rebounds }, begin) {
 /* The pictures. */
 function fit() {
   const { slope: given, launch } = hill.scene;
-  const slope = { ...given, length: given.length < Infinity ? given.length : null, zones: [] };
   const { size } = hill;
+  const line = lineOf(own.pieces(given), size);
+  const slope = { line, angle: given.angle, length: given.length < Infinity ? given.length : null };
   const body = D.drawn[E.hills.indexOf(hill)];
   const width = clamp($("controls").clientWidth, 260, 1160);
   const points = riders.flatMap(({ rows }) => rows.x.map((x, i) => [x, rows.y[i]]));
@@ -378,7 +379,7 @@ async function openPage() {
   const bytes = await unpacked(D.kernel);
   if (!bytes) return;
   tell("The rides are being simulated."); // in place of what is said where no script runs
-  live = new Pool(1, $("worker").textContent, bytes);
+  live = new Pool(1, bytes);
   $("hill").innerHTML = E.hills.map(({ name }) => `<option>${escaped(name)}</option>`).join("");
   $("hills").hidden = E.hills.length < 2;
   await openHill(0);

@@ -62,32 +62,51 @@ function stateAt(rows, t) {
   return state;
 }
 
-/* The ground: heights [m] over the plane of the slope at a place, and the points of a piece of it. */
-function heightOn(profile, x) {
-  if (!profile.length) return 0;
-  const k = profile.findLastIndex(([place]) => place <= x);
-  if (k < 0) return profile[0][1];
-  const [[begin, low], [end, high]] = [profile[k], profile[k + 1] ?? profile[k]];
-  return end > begin ? low + ((x - begin) / (end - begin)) * (high - low) : low;
+function between(from, to, value) {
+  const i = before(from, value);
+  const j = Math.min(i + 1, from.length - 1);
+  const step = from[j] - from[i];
+  return step > 0 ? to[i] + clamp((value - from[i]) / step, 0, 1) * (to[j] - to[i]) : to[i];
 }
 
-const groundBetween = (profile, left, right) => [
-  [left, heightOn(profile, left)],
-  ...profile.filter(([x]) => x > left && x < right),
-  [right, heightOn(profile, right)],
+/* The line of the ground { x, y } [m], level before its first point and behind its last: of the pieces that the kernel
+   lays, bends in chords that are so short that a body of some size [m] does not show how far off they are. */
+const FINE = 1e-3; // of the size
+
+function lineOf(pieces, size) {
+  const line = { x: [], y: [] };
+  for (let k = 1; k < pieces.x.length; k++) {
+    const [begin, end, radius] = [pieces.tilt[k - 1], pieces.tilt[k], pieces.radius[k]];
+    const chords = Math.ceil(Math.abs(end - begin) * Math.sqrt(radius / (8 * FINE * size)));
+    for (let i = 0; i <= chords; i++) {
+      const tilt = begin + (chords ? i / chords : 0) * (end - begin);
+      line.x.push(pieces.qx[k] - pieces.bend[k] * radius * Math.sin(tilt));
+      line.y.push(pieces.qy[k] + pieces.bend[k] * radius * Math.cos(tilt));
+    }
+  }
+  return line;
+}
+
+/* Height [m] of a line over the plane of the slope, and its points between two places. */
+const heightOn = ({ x, y }, place) => (x.length ? between(x, y, place) : 0);
+
+const pointsBetween = (line, left, right) => [
+  [left, heightOn(line, left)],
+  ...line.x.map((x, i) => [x, line.y[i]]).filter(([x]) => x > left && x < right),
+  [right, heightOn(line, right)],
 ];
 
 /* The slope, descending to the right, and the sled: slope-frame points [m] to pixels. */
 class Scene {
   constructor({ slope, body, size, close }, points, width, [lowest, highest]) {
-    // points: of the slope frame, to be in sight; close: pixels per metre with which the sled is followed, 0 if never
+    // slope: with the line of its ground; points: of the slope frame, to be in sight; close: pixels per metre with which the sled is followed, 0 if never
     Object.assign(this, { slope, body, size, W: width, cosine: Math.cos(slope.angle), sine: Math.sin(slope.angle) });
     const low = [Infinity, Infinity];
     const top = [-Infinity, -Infinity];
     const ends = slope.length === null ? [0] : [0, slope.length];
     this.last = Math.max(...ends, ...points.map(([x]) => x)); // place that is surely in sight
     this.first = Math.min(0, ...points.map(([x]) => x));
-    const ground = groundBetween(slope.profile, this.first, this.last);
+    const ground = pointsBetween(slope.line, this.first, this.last);
     for (const point of [
       ...points,
       ...ground.flatMap(([x, y]) => [
@@ -127,12 +146,12 @@ class Scene {
   }
 
   height(x) {
-    return heightOn(this.slope.profile, x);
+    return heightOn(this.slope.line, x);
   }
 
   /* The surface between two places, so far below it. */
   surface(left, right, depth = 0) {
-    return groundBetween(this.slope.profile, left, right).map(([x, y]) => this.at(x, y - depth));
+    return pointsBetween(this.slope.line, left, right).map(([x, y]) => this.at(x, y - depth));
   }
 
   at(x, y) {
