@@ -34,7 +34,7 @@ class DescentJam(NamedTuple):
     """
 
     progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 1 once past the line, 0 on a slope without end
-    retention: np.ndarray  # [-] energy of motion along the slope at the line over all supplied; 0 of a crash
+    retention: np.ndarray  # [-] energy of motion along the ground at the line over all supplied; 0 of a crash
     reward: Annotated[np.ndarray, Shown()]  # [-] progress / 2 + sqrt(retention) / 2, in [0, 1]
 
     @property
@@ -70,9 +70,9 @@ def rebound_jam(rebounds: np.ndarray, friction: np.ndarray) -> ReboundJam:
 def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length: np.ndarray | float) -> DescentJam:
     """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for bodies of ``mass`` [kg].
 
-    The retention compares the kinetic energy of the motion along the slope at the line with *all* energy supplied up to
-    there: launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until the
-    time is over gains nothing by it. One that crashes in the run-out behind the line keeps nothing.
+    The retention compares the kinetic energy of the motion along the ground at the line with *all* energy supplied up
+    to there: launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until
+    the time is over gains nothing by it. One that crashes in the run-out behind the line keeps nothing.
     """
     status = outcomes["status"]
     passed = outcomes["t_line"] < np.inf

@@ -130,7 +130,7 @@ class Descent:
 
     @property
     def at_line(self) -> tuple[float, float] | None:
-        """When [s] and how fast along the slope [m/s] the mass centre passed the end of it; None if it never did."""
+        """When [s] the mass centre passed the end of the slope, and how fast along the ground [m/s]; None if never."""
         time, u = float(self.outcome["t_line"]), float(self.outcome["u_line"])
         return (time, u) if math.isfinite(time) else None
 

@@ -390,7 +390,7 @@ class _SlopeFields(NamedTuple):
 
 
 class Slope(Checked, _SlopeFields):
-    """A straight incline, or the ground along one: docs/physics.md, section 1.
+    """A straight incline, or the ground along one: docs/physics.md, sections 1 and 12.
 
     Parameters
     ----------
