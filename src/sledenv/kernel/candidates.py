@@ -13,7 +13,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, wrap
 from sledenv.kernel.contacts import ORDER
-from sledenv.kernel.expansion import place_in_body, value
+from sledenv.kernel.expansion import COSINE, PHI, SINE, X, Y, measure_reach, place_in_body, value
 from sledenv.kernel.geometry import (
     ARC_BEND,
     ARC_PIECE,
@@ -37,25 +37,17 @@ from sledenv.kernel.outline import arc_at, from_middle, same_arc
 from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.kernel.zeros import first_zero
 
-X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]``
 LIFTED: Final = 1e-12  # of the speed: rate of a gap that has just been let go by a rigid contact,
 LIFTED_LATER: Final = 1e-9  # and of the accelerations: the acceleration with which it starts
 
 
 @kernel
-def _measure_reach(space: np.void) -> None:
-    """Write how far x, y, sine, cosine and phi can move within the step."""
-    s, reach = space["series"], space["reach"]
-    x = y = sine = cosine = phi = 0.0
-    power = t = space["event"]["time"]
-    for k in range(1, ORDER + 1):
-        x += abs(s["x"][k]) * power
-        y += abs(s["y"][k]) * power
-        sine += abs(s["sine"][k]) * power
-        cosine += abs(s["cosine"][k]) * power
-        phi += abs(s["phi"][k]) * power
-        power *= t
-    reach[X], reach[Y], reach[SINE], reach[COSINE], reach[PHI] = x, y, sine, cosine, phi
+def _approach(nx: float, ny: float, cx: float, cy: float, space: np.void) -> float:
+    """How far [m] a place in the frame of the body can go against a direction of the ground within the step, at most."""
+    s, late, gs, gc = space["series"], space["late"], ny * cx - nx * cy, nx * cx + ny * cy
+    rate = nx * s["x"][1] + ny * s["y"][1] + gs * s["sine"][1] + gc * s["cosine"][1]
+    later = abs(nx) * late[X] + abs(ny) * late[Y] + abs(gs) * late[SINE] + abs(gc) * late[COSINE]
+    return max(-rate * space["event"]["time"], 0.0) + later  # type: ignore[no-any-return]
 
 
 @kernel
@@ -222,8 +214,8 @@ def touches_beside(body: np.void, contacts: np.void, a: int, j: int) -> bool:
 
 
 @kernel
-def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, move: float, space: np.void) -> None:
-    """Watch an arc come down on a piece, over which the mass centre is at ``base`` [m], and moves by ``move``."""
+def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, space: np.void) -> None:
+    """Watch an arc come down on a piece, over which the mass centre is at ``base`` [m]."""
     if touches_beside(body, space["contacts"], a, j):
         return
     s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
@@ -231,7 +223,7 @@ def _watch_arc(body: np.void, pieces: np.ndarray, a: int, j: int, base: float, m
     gs, gc = tx * cx + ty * cy, tx * cy - ty * cx
     sine, cosine = s["sine"][0], s["cosine"][0]
     gap = base + gs * sine + gc * cosine - body["r"][a]
-    if gap - move - abs(gs) * reach[SINE] - abs(gc) * reach[COSINE] >= 0.0:
+    if gap - _approach(-ty, tx, cx, cy, space) >= 0.0:
         return
     foot = along_piece(piece, s["x"][0] + cosine * cx - sine * cy, s["y"][0] + sine * cx + cosine * cy)
     span = reach[X] + reach[Y] + body["h"][a] * (reach[SINE] + reach[COSINE])
@@ -252,7 +244,7 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
     """
     s, reach, piece, poly = space["series"], space["reach"], pieces[j], space["poly"]
     base = piece["tx"] * (s["y"][0] - piece["y"]) - piece["ty"] * (s["x"][0] - piece["x"])
-    move = abs(piece["ty"]) * reach[X] + abs(piece["tx"]) * reach[Y]
+    move = _approach(-piece["ty"], piece["tx"], 0.0, 0.0, space)
     if base - body["size"] - move >= 0.0:
         return
     if base <= 0.0 and pieces.shape[0] > 1:  # the body is behind it, on the other side of a ridge
@@ -275,29 +267,50 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
                     poly[k] = -side * s["phi"][k]
                 poly[0] = left
                 look(space, 0, NOTHING, 0, 0)
-    _watch_arc(body, pieces, arc, j, base, move, space)
+    _watch_arc(body, pieces, arc, j, base, space)
     falling, rising = int(body["falling"][lowest]), int(body["rising"][lowest])
     if falling >= 0:
-        _watch_arc(body, pieces, arc_number(body, falling), j, base, move, space)
+        _watch_arc(body, pieces, arc_number(body, falling), j, base, space)
     if rising >= 0 and rising != falling:
-        _watch_arc(body, pieces, arc_number(body, rising), j, base, move, space)
+        _watch_arc(body, pieces, arc_number(body, rising), j, base, space)
 
 
 @kernel
-def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int]:
-    """Gap [m] of a place in the frame of the body to the feature nearest to it, and its code: arc, or -1 less side."""
-    best, code, near = -math.inf, 0, AT_JOIN * body["size"]
+def _nearest_feature(body: np.void, bx: float, by: float) -> tuple[float, int, float, float]:
+    """Gap [m] of a place in the frame of the body to the feature nearest to it, its code, and the normal towards it.
+
+    The code is that of an arc, or -1 less that of a side.
+    """
+    best, code, nx, ny, near = -math.inf, 0, 0.0, 0.0, AT_JOIN * body["size"]
     for i in range(int(body["arcs"])):
         if body["length"][i] > 0.0:
             px, py, ox, oy = bx - body["sx"][i], by - body["sy"][i], body["ox"][i], body["oy"][i]
             gap, along = ox * px + oy * py, oy * px - ox * py
             if gap > best and -near <= along <= body["length"][i] + near:
-                best, code = gap, -1 - i
+                best, code, nx, ny = gap, -1 - i, ox, oy
         ex, ey = bx - body["cx"][i], by - body["cy"][i]
-        gap = math.sqrt(ex * ex + ey * ey) - body["r"][i]
+        out = math.sqrt(ex * ex + ey * ey)
+        gap = out - body["r"][i]
         if gap > best and faces_arc(body, i, bx, by):
-            best, code = gap, i
-    return best, code
+            best, code, nx, ny = gap, i, ex, ey
+            if out > 0.0:
+                nx, ny = ex / out, ey / out
+    return best, code, nx, ny
+
+
+@kernel
+def _stays_outside(px: float, py: float, nx: float, ny: float, gap: float, space: np.void) -> bool:
+    """Whether a bend at (px, py) [m] from the mass centre is kept off the body for the step by its nearest feature.
+
+    The body is convex: in its own frame all of it lies behind the line across the normal (nx, ny) to that feature.
+    """
+    s, reach, late, t = space["series"], space["reach"], space["late"], space["event"]["time"]
+    x, y = s["sine"][1] * py + s["cosine"][1] * px, s["cosine"][1] * py - s["sine"][1] * px
+    x -= s["cosine"][0] * s["x"][1] + s["sine"][0] * s["y"][1]
+    y -= s["cosine"][0] * s["y"][1] - s["sine"][0] * s["x"][1]
+    turning = reach[SINE] + reach[COSINE]
+    later = late[X] + late[Y] + (reach[X] + reach[Y]) * turning + (abs(px) + abs(py)) * (late[SINE] + late[COSINE])
+    return bool(gap + min((nx * x + ny * y) * t, 0.0) > 2.0 * later)
 
 
 @kernel
@@ -411,6 +424,11 @@ def _watch_arc_bend(
     gap = sign * (distance - touching)
     if not abs(gap) < move:
         return
+    if sign > 0 and gap > 0.0:
+        s = space["series"]
+        nx, ny = (s["sine"][0] * ey - s["cosine"][0] * ex) / distance, -(s["sine"][0] * ex + s["cosine"][0] * ey) / distance
+        if gap > _approach(nx, ny, body["cx"][i], body["cy"][i], space):
+            return
     _square_distance(body["cx"][i], body["cy"][i], sign / (distance + touching), x, y, poly)
     poly[0] = gap
     if sign > 0:
@@ -470,9 +488,9 @@ def _watch_bend(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> No
                     written = True
                 _watch_arc_bend(body, pieces, i, j, along, True, space)
         return
-    nearest, code = _nearest_feature(body, bx, by)
+    nearest, code, nx, ny = _nearest_feature(body, bx, by)
     nearest -= radius
-    if nearest > along + (body["furthest"] + size + far) * turning:
+    if nearest > SAME_PLACE * size and _stays_outside(dx, dy, nx, ny, nearest, space):
         return
     _write_place_in_body(piece["qx"], piece["qy"], space)
     if nearest < -move:
@@ -508,7 +526,7 @@ def _watch_ahead(body: np.void, pieces: np.ndarray, j: int, step: int, x: float,
 @kernel
 def watch_others(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     """Let the step end where the first pair of features comes to touch that does not touch yet."""
-    _measure_reach(space)
+    measure_reach(space)
     reach, size, x, last = space["reach"], body["size"], space["series"]["x"][0], pieces.shape[0] - 1
     begin, end = x - reach[X] - size, x + reach[X] + size
     first = first_piece(pieces, begin)

@@ -171,7 +171,8 @@ SPACE: Final = np.dtype(
         ("poly", "f8", (WIDTH,)),
         ("terms", "f8", (3, WIDTH)),
         ("stack", "f8", (DEEPEST, WIDTH + 2)),
-        ("reach", "f8", (5,)),  # how far x, y, sine, cosine and phi can move within a step
+        ("reach", "f8", (5,)),  # how far x, y, sine, cosine and phi can move within a step,
+        ("late", "f8", (5,)),  # and by all terms but the first
         # How much a call has done, and where the next call goes on.
         ("lane", "f8"),  # of a batch
         ("begun", "f8"),  # 1 once the flight of that lane has been taken up

@@ -19,8 +19,9 @@ from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
 
 MOST_TURN: Final = 1.0  # [rad] of a body in a step: the first term left out of sine and cosine is then 3e-15
 OF_BEND: Final = 0.2  # part of the distance from the centre of a bend to that of an arc that a step may go
-OF_LOAD: Final = 1e-11  # part of a locked load that its last terms may be
+OF_LOAD: Final = 1e3  # times the tolerance: part of a locked load that its last terms may be
 LONGEST: Final = 1e17  # [s] a step, so that all of its powers are finite
+X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]`` and ``space["late"]``
 
 
 @kernel
@@ -336,9 +337,10 @@ def expand(body: np.void, slope: Any, space: np.void) -> None:
 
 @kernel
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
-    """How long [s] the series of a step hold: their last terms are at most ``tolerance`` times the speed.
+    """How long [s] the series of a step hold: the first terms left out are a tenth of ``tolerance`` times the speed.
 
-    Those of sine and cosine move arcs by at most ``tolerance`` times the size.
+    Those of sine and cosine move arcs by a tenth of ``tolerance`` times the size: errors of some steps add up. Terms fall
+    as powers of the step over the radius of convergence, which the last two terms tell (Jorba and Zou, 2005, section 3.2).
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = LONGEST, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
@@ -346,26 +348,52 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
         longest = MOST_TURN / turning
     if contacts["count"] == 0:
         return longest
-    u, v, omega, sine, cosine = s["u"], s["v"], s["omega"], s["sine"], s["cosine"]
-    speed = max(abs(u[0]), abs(v[0]), size * abs(omega[0]), math.sqrt(slope.gravity * size), 1e-12)
-    of_speed, turned = 1.0 / (tolerance * speed), max(size, body["furthest"]) / (tolerance * size)
-    last = max(max(abs(u[ORDER]), abs(v[ORDER]), size * abs(omega[ORDER])) * of_speed, abs(sine[ORDER]) * turned)
-    last = max(last, abs(cosine[ORDER]) * turned)
-    if last > 0.0:
-        longest = min(longest, sixteenth_root(1.0 / last))
-    k = ORDER - 1
-    last = max(max(abs(u[k]), abs(v[k]), size * abs(omega[k])) * of_speed, abs(sine[k]) * turned)
-    last = max(last, abs(cosine[k]) * turned)
-    if last > 0.0:
-        longest = min(longest, sixteenth_root(sixteenth_root(1.0 / last) / last))  # its root of order 15, nearly
+    speed = max(abs(s["u"][0]), abs(s["v"][0]), size * abs(s["omega"][0]), math.sqrt(slope.gravity * size), 1e-12)
+    far = max(size, body["furthest"]) / size
+    power = math.inf  # the step to the power of ORDER
+    of_radius = 0.1 * tolerance * sixteenth_root(10.0 / tolerance)  # nearly to the power of ORDER / (ORDER + 1)
+    for k in range(ORDER - 1, ORDER + 1):
+        last = max(abs(s["u"][k]), abs(s["v"][k]), size * abs(s["omega"][k])) / speed
+        last = max(last, max(abs(s["sine"][k]), abs(s["cosine"][k])) * far)
+        power = min(power, of_radius * _radius(last, k))
+    of_radius = OF_LOAD * tolerance
     for c in range(contacts["count"]):
-        terms = s["of"][c]
-        if contacts["at"][c]["gap_sign"] == 0 and space["frozen"] == 0.0:  # loads may change where velocities do not
-            last = abs(terms["normal"][k]) / (OF_LOAD * (abs(terms["normal"][0]) + body["mass"] * slope.gravity))
-            if last > 0.0:
-                longest = min(longest, sixteenth_root(sixteenth_root(1.0 / last) / last))
-        if contacts["at"][c]["kind"] == ARC_BEND:  # its normal turns
+        contact, terms = contacts["at"][c], s["of"][c]
+        if contact["gap_sign"] == 0 and space["frozen"] == 0.0:  # loads may change where velocities do not
+            last = abs(terms["normal"][ORDER - 1]) / (abs(terms["normal"][0]) + body["mass"] * slope.gravity)
+            power = min(power, of_radius * _radius(last, ORDER - 1))
+        if contact["kind"] == ARC_BEND:  # its normal turns
             fast = math.sqrt(terms["dx"][1] * terms["dx"][1] + terms["dy"][1] * terms["dy"][1])
             if fast > 0.0:
                 longest = min(longest, OF_BEND * terms["distance"][0] / fast)
-    return longest
+    return min(longest, sixteenth_root(power))
+
+
+@kernel
+def _radius(last: float, k: int) -> float:
+    """Radius of convergence [s], to the power of ORDER, of a series that begins with 1, from one of its last two terms.
+
+    Nearly: the term before is taken to the power of 17/16 where 16/15 is meant.
+    """
+    if not last > 0.0:
+        return math.inf
+    return 1.0 / last if k == ORDER else sixteenth_root(1.0 / last) / last
+
+
+@kernel
+def measure_reach(space: np.void) -> None:
+    """Write how far x, y, sine, cosine and phi can move within the step, and of that how far by terms after the first."""
+    s, reach, late = space["series"], space["reach"], space["late"]
+    x = y = sine = cosine = phi = 0.0
+    t = space["event"]["time"]
+    power = t * t
+    for k in range(2, ORDER + 1):
+        x += abs(s["x"][k]) * power
+        y += abs(s["y"][k]) * power
+        sine += abs(s["sine"][k]) * power
+        cosine += abs(s["cosine"][k]) * power
+        phi += abs(s["phi"][k]) * power
+        power *= t
+    late[X], late[Y], late[SINE], late[COSINE], late[PHI] = x, y, sine, cosine, phi
+    reach[X], reach[Y], reach[PHI] = x + abs(s["x"][1]) * t, y + abs(s["y"][1]) * t, phi + abs(s["phi"][1]) * t
+    reach[SINE], reach[COSINE] = sine + abs(s["sine"][1]) * t, cosine + abs(s["cosine"][1]) * t

@@ -328,8 +328,16 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
 @kernel
 def faces_arc(body: np.void, a: int, bx: float, by: float) -> bool:
     """Whether a place in the frame of the body lies within the angle of an arc, seen from its centre."""
-    angle = from_middle(body, a, angle_of(body["cx"][a] - bx, body["cy"][a] - by))
-    return bool(abs(angle) <= body["half"][a] + AT_JOIN)
+    arcs = int(body["arcs"])
+    if arcs == 1:
+        return True
+    before, ox, oy = (a - 1) % arcs, body["ox"], body["oy"]
+    dx, dy = bx - body["cx"][a], by - body["cy"][a]
+    near = AT_JOIN * (abs(dx) + abs(dy))
+    from_low, to_high = oy[before] * dx - ox[before] * dy, ox[a] * dy - oy[a] * dx  # along the outline at both ends
+    if body["half"][a] > 0.5 * math.pi:
+        return bool(from_low >= -near or to_high >= -near)
+    return bool(from_low >= -near and to_high >= -near)
 
 
 @kernel

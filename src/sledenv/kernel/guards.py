@@ -14,6 +14,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import angle_of, sign_of
 from sledenv.kernel.contacts import ORDER
+from sledenv.kernel.expansion import COSINE, PHI, SINE, X, Y, measure_reach
 from sledenv.kernel.geometry import (
     ARC_BEND,
     ARC_PIECE,
@@ -219,25 +220,32 @@ def _watch_end(
 def _watch_foot(body: np.void, pieces: np.ndarray, contact: np.void, c: int, space: np.void) -> None:
     """Watch where an arc touches its piece, and which part of the arc does."""
     s, row, near = space["series"], space["terms"][0], AT_END * body["size"]
-    a, piece = contact["arc"], pieces[contact["piece"]]
-    low, begins = end_of_reach(body, pieces, a, contact["piece"], -1)
-    high, ends = end_of_reach(body, pieces, a, contact["piece"], 1)
-    if begins or ends:
-        tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
-        for k in range(ORDER + 1):
-            row[k] = tx * s["x"][k] + ty * s["y"][k]
-            row[k] += (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k]
-        row[0] -= tx * piece["x"] + ty * piece["y"]
-        if begins:
-            _watch_end(row, 1.0, -low, near, FEATURE, c, FOOT_BEGIN, space)
-        if ends:
-            _watch_end(row, -1.0, high, near, FEATURE, c, FOOT_END, space)
+    a, piece, reach = contact["arc"], pieces[contact["piece"]], space["reach"]
+    tx, ty, cx, cy = piece["tx"], piece["ty"], body["cx"][a], body["cy"][a]
+    along_c, along_s = tx * cx + ty * cy, ty * cx - tx * cy
+    foot = tx * (s["x"][0] - piece["x"]) + ty * (s["y"][0] - piece["y"])
+    foot += along_c * s["cosine"][0] + along_s * s["sine"][0]
+    moves = near + reach[X] + reach[Y] + body["h"][a] * (reach[SINE] + reach[COSINE])
+    if foot - moves < piece["low"] or foot + moves > piece["high"]:  # else it stays on the piece
+        low, begins = end_of_reach(body, pieces, a, contact["piece"], -1)
+        high, ends = end_of_reach(body, pieces, a, contact["piece"], 1)
+        if begins or ends:
+            for k in range(ORDER + 1):
+                row[k] = tx * s["x"][k] + ty * s["y"][k] + along_c * s["cosine"][k] + along_s * s["sine"][k]
+            row[0] = foot
+            if begins:
+                _watch_end(row, 1.0, -low, near, FEATURE, c, FOOT_BEGIN, space)
+            if ends:
+                _watch_end(row, -1.0, high, near, FEATURE, c, FOOT_END, space)
     arcs = int(body["arcs"])
     before = body["smooth"][(a - 1) % arcs] != 0.0
     if arcs > 1 and (before or body["smooth"][a] != 0.0):
-        for k in range(ORDER + 1):
+        angle = from_middle(body, a, s["phi"][0] - piece["tilt"])
+        if abs(angle) + reach[PHI] + AT_END < body["half"][a]:
+            return
+        for k in range(1, ORDER + 1):
             row[k] = s["phi"][k]
-        row[0] = from_middle(body, a, s["phi"][0] - piece["tilt"])
+        row[0] = angle
         if before:
             _watch_end(row, 1.0, body["half"][a], AT_END, FEATURE, c, ARC_LOW, space)
         if body["smooth"][a] != 0.0:
@@ -338,6 +346,7 @@ def _watch_zone(body: np.void, pieces: np.ndarray, contact: np.void, terms: np.v
 def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     """Let the step end with the first event of the contacts that there are."""
     contacts = space["contacts"]
+    measure_reach(space)
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], space["series"]["of"][c]
         watch_gap(body, contact, terms, c, space)

@@ -50,6 +50,8 @@ def first_zero(p: np.ndarray, end: float, zeros: int, stack: np.ndarray) -> floa
         return NONE
     if q[0] <= 0.0:
         return NONE if q[0] == 0.0 and whole == 0.0 and fall == 0.0 else 0.0  # of nothing at all, or the first time
+    if _lowest(q[0], q[1], q[2]) + (fall - min(q[1], 0.0) - min(q[2], 0.0)) > 0.0:
+        return NONE
     for k in range(1, m + 1):
         rise += k * max(q[k], 0.0)
     if q[1] < 0.0 and rise + q[1] < 0.0:  # it falls throughout
@@ -57,6 +59,14 @@ def first_zero(p: np.ndarray, end: float, zeros: int, stack: np.ndarray) -> floa
     for k in range(m + 1, ORDER + 1):
         q[k] = 0.0
     return _by_halves(m, end, stack)
+
+
+@kernel
+def _lowest(a: float, b: float, c: float) -> float:
+    """Lowest value of ``a + b t + c t^2`` for t in [0, 1]."""
+    if c > 0.0 and -2.0 * c < b < 0.0:
+        return a - b * b / (4.0 * c)
+    return min(a, a + b + c)
 
 
 @kernel
