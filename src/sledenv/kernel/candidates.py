@@ -43,7 +43,7 @@ LIFTED_LATER: Final = 1e-9  # and of the accelerations: the acceleration with wh
 
 @kernel
 def _approach(nx: float, ny: float, cx: float, cy: float, space: np.void) -> float:
-    """How far [m] a place in the frame of the body can go against a direction of the ground within the step, at most."""
+    """How far [m] a place in the frame of the body can go against a direction of the ground within the step."""
     s, late, gs, gc = space["series"], space["late"], ny * cx - nx * cy, nx * cx + ny * cy
     rate = nx * s["x"][1] + ny * s["y"][1] + gs * s["sine"][1] + gc * s["cosine"][1]
     later = abs(nx) * late[X] + abs(ny) * late[Y] + abs(gs) * late[SINE] + abs(gc) * late[COSINE]
@@ -425,8 +425,8 @@ def _watch_arc_bend(
     if not abs(gap) < move:
         return
     if sign > 0 and gap > 0.0:
-        s = space["series"]
-        nx, ny = (s["sine"][0] * ey - s["cosine"][0] * ex) / distance, -(s["sine"][0] * ex + s["cosine"][0] * ey) / distance
+        sine, cosine = space["series"]["sine"][0], space["series"]["cosine"][0]
+        nx, ny = (sine * ey - cosine * ex) / distance, -(sine * ex + cosine * ey) / distance
         if gap > _approach(nx, ny, body["cx"][i], body["cy"][i], space):
             return
     _square_distance(body["cx"][i], body["cy"][i], sign / (distance + touching), x, y, poly)

@@ -339,8 +339,9 @@ def expand(body: np.void, slope: Any, space: np.void) -> None:
 def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) -> float:
     """How long [s] the series of a step hold: the first terms left out are a tenth of ``tolerance`` times the speed.
 
-    Those of sine and cosine move arcs by a tenth of ``tolerance`` times the size: errors of some steps add up. Terms fall
-    as powers of the step over the radius of convergence, which the last two terms tell (Jorba and Zou, 2005, section 3.2).
+    Those of sine and cosine move arcs by a tenth of ``tolerance`` times the size: errors of some steps add up. Terms
+    fall as powers of the step over the radius of convergence, which the last two terms tell (Jorba and Zou, 2005,
+    section 3.2).
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = LONGEST, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
@@ -382,7 +383,7 @@ def _radius(last: float, k: int) -> float:
 
 @kernel
 def measure_reach(space: np.void) -> None:
-    """Write how far x, y, sine, cosine and phi can move within the step, and of that how far by terms after the first."""
+    """Write how far x, y, sine, cosine and phi can move within the step, and how far of that by later terms alone."""
     s, reach, late = space["series"], space["reach"], space["late"]
     x = y = sine = cosine = phi = 0.0
     t = space["event"]["time"]
