@@ -24,7 +24,7 @@ from pydantic import ConfigDict, ValidationError
 from sledenv.benchmark.problem import Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.machine.files import put
+from sledenv.machine.files import put, replacing
 from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
@@ -149,6 +149,26 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return folder
+
+
+def adopt(folder: Path, problem: Problem) -> None:
+    """Write a problem into a finished run, in place of the one that it was trained on.
+
+    Its agent stays as it is: what is asked must be the same, simulated otherwise.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        As :func:`read_config`; if the run is of another environment, control, observation or launch noise.
+    """
+    config = read_config(folder)
+    wanted = meant(config["agent"], problem, config["settings"], config["seed"])
+    other = [key for key, value in wanted.items() if key not in ("scenario_hash", "code") and config.get(key) != value]
+    if other:
+        raise ValueError(f"{folder}: the run has another {' and '.join(other)}")
+    config |= wanted | {"scenario": problem.scenario.model_dump(mode="json", by_alias=True)}
+    with replacing(folder / _CONFIG, ".yaml") as part:
+        write_yaml(part, config)
 
 
 def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> bool:
