@@ -103,13 +103,13 @@ def descents_of_episodes() -> tuple[tuple[Any, ...], dict[str, Any]]:
 def _rides(name: str) -> Prepared:
     """Prepare rides of a scenario with a rider who trims at random; the units are flights that are decided on."""
     given, fields = problem(name, contexts(name, 256))
-    rider = sledenv.load_scenario(name).rider
-    rotor = {"rotor_inertia": rider.rotor_inertia_kg_m2, "shortest_flight": rider.shortest_flight_s}
+    rider: Any = sledenv.load_scenario(name).rider  # of a ride there is one
+    rotor: dict[str, Any] = {"rotor_inertia": rider.rotor_inertia_kg_m2, "shortest_flight": rider.shortest_flight_s}
     spins = rider.trim_rad_s * np.random.default_rng(0).uniform(-1.0, 1.0, (_DECISIONS, 256))
     running = sledenv.STATUS_OF_CODE.index(sledenv.Status.RUNNING)
 
     def run() -> int:
-        rides = sledenv.RideBatch(*given, **settings(**fields), **rotor)
+        rides = sledenv.RideBatch(*given, **(settings(**fields) | rotor))
         decisions = 0
         for trims in spins:
             decisions += int((rides.outcomes()["status"] == running).sum())

@@ -80,7 +80,7 @@ def touch(body: Any, pieces: np.ndarray, space: Any, features: tuple[int, int, i
     contact["gap"] = -spring.depth
     geometry.place(body, pieces, space["motion"], contact)
     contact["closing"], contact["opening"] = spring.closing, spring.opening
-    contact["friction"], contact["arm"] = spring.friction, spring.arm
+    contact["friction"], contact["rolling_arm"] = spring.friction, spring.arm
     return contact
 
 
@@ -89,6 +89,6 @@ def rows_of(space: Any) -> list[np.ndarray]:
     rows = []
     for c in range(int(space["contacts"]["count"])):
         contact = space["contacts"]["at"][c]
-        nx, ny, ln, lt = (float(contact[name]) for name in ("nx", "ny", "ln", "lt"))
+        nx, ny, ln, lt = (float(contact[name]) for name in ("nx", "ny", "normal_lever", "tangent_lever"))
         rows += [np.array([nx, ny, ln]), np.array([ny, -nx, lt])]
     return rows

@@ -33,7 +33,7 @@ def impacts(cases: np.ndarray, out: np.ndarray, modes: np.ndarray, phases: np.nd
         m, inertia, r, f, delta, e, u, v, omega = cases[i]
         slip = u + r * omega
         hit["per_mass"], hit["per_inertia"], hit["size"] = 1.0 / m, 1.0 / inertia, r
-        hit["a"], hit["b"], hit["friction"], hit["arm"], hit["restitution"] = 0.0, r, f, delta, e
+        hit["a"], hit["b"], hit["friction"], hit["rolling_arm"], hit["restitution"] = 0.0, r, f, delta, e
         hit["v_t"], hit["omega"], hit["v_n"] = slip, omega, v
         count = impact(ENERGETIC, hit, phases)
         out[i, 0] = hit["v_t"] - r * hit["omega"]

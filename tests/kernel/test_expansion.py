@@ -69,7 +69,7 @@ def prepared(
         contact["gap_rate"], contact["slip"] = rows[2 * c] @ moving, rows[2 * c + 1] @ moving
         if feature[0] == SIDE_BEND and fresh:
             contact["gap"] = gap_of_side(pieces, space, feature[1])
-            contact["deeper"] = 0.0
+            contact["depth_offset"] = 0.0
         gap_locked, slip_locked = (GAP, c) in locked, (SLIP, c) in locked
         contact["gap_still"], contact["slip_still"] = gap_locked, slip_locked
         if gap_locked:
@@ -79,7 +79,7 @@ def prepared(
         contact["gap_sign"], contact["slip_sign"] = np.sign(contact["gap_rate"]), np.sign(contact["slip"])
         stiffness = contact["closing"] if contact["gap_rate"] < 0.0 else contact["opening"]
         sign = int(contact["slip_sign"])
-        numbers = (float(contact[name]) for name in ("friction", "arm"))
+        numbers = (float(contact[name]) for name in ("friction", "rolling_arm"))
         touches.append(Touch(feature, float(contact["gap"]), float(stiffness), *numbers, sign, gap_locked, slip_locked))
     contacts["spin_sign"], contacts["spin_still"] = np.sign(moving[2]), (SPIN, 0) in locked
     return space, touches

@@ -241,7 +241,7 @@ def agree(
     pieces, space = pieces_of(ROOF, rounding), new_space()
     put(space, pose, (0.7, -0.4, 1.3))
     first, second = (touch(body, pieces, space, features, Spring()) for features in (one, two))
-    for name in ("nx", "ny", "ln", "lt", "gap_rate", "slip"):
+    for name in ("nx", "ny", "normal_lever", "tangent_lever", "gap_rate", "slip"):
         assert first[name] == pytest.approx(second[name], abs=1e-12), name
     gaps = [gap_and_place(body, pieces, features, pose)[0] for features in (one, two)]
     assert gaps[0] == pytest.approx(gaps[1], abs=1e-12)

@@ -135,7 +135,7 @@ def friction_oracle(scene: Scene, space: Any) -> np.ndarray:
     normals, omega = loads_of_moving_gaps(space), float(space["motion"]["omega"])
     rows, turning = np.array(rows_of(space)), drifts(scene, space)
     start = free(scene) + rows[0::2].T @ normals / MASSES
-    bounds = [*(c["friction"] * n for c, n in zip(at, normals, strict=True)), sum(at["arm"] * normals)]
+    bounds = [*(c["friction"] * n for c, n in zip(at, normals, strict=True)), sum(at["rolling_arm"] * normals)]
     speed = np.array([*at["slip"], omega])
     low = np.array([-b if v >= 0.0 else b for b, v in zip(bounds, speed, strict=True)])
     high = np.array([b if v <= 0.0 else -b for b, v in zip(bounds, speed, strict=True)])
@@ -177,7 +177,7 @@ def check_laws(scene: Scene, space: Any) -> None:
         contact = contacts["at"][c]
         normal, force = share[c]["normal"], share[c]["force"]
         depth, bound = -contact["gap"], contact["friction"] * normal
-        load += contact["arm"] * normal
+        load += contact["rolling_arm"] * normal
         ends = (contact["opening"] * depth, contact["closing"] * depth)
         assert ends[0] - slack <= normal <= ends[1] + slack
         assert abs(force) <= bound + slack
@@ -350,7 +350,7 @@ def margin(scene: Scene, space: Any) -> float:
         contact = contacts["at"][c]
         middle = -0.5 * contact["gap"] * (contact["opening"] + contact["closing"])
         spread = -0.5 * contact["gap"] * (contact["closing"] - contact["opening"])
-        rolling[2 * c] = contact["arm"]
+        rolling[2 * c] = contact["rolling_arm"]
         for sign in (-1.0, 1.0):
             load, slide = np.zeros(width + 1), np.zeros(width + 1)
             load[2 * c], load[-2], load[-1] = sign, -spread, sign * middle
@@ -379,12 +379,12 @@ def rests_where_it_should(scene: Scene) -> None:
     if widest < 1.0:  # with a margin in friction and rolling too
         tight = prepared(scene)
         tight["contacts"]["at"]["friction"] *= 1.0 - 1e-6
-        tight["contacts"]["at"]["arm"] *= 1.0 - 1e-6
+        tight["contacts"]["at"]["rolling_arm"] *= 1.0 - 1e-6
         assume(margin(scene, tight) < 1.0)
     else:
         loose = prepared(scene)
         loose["contacts"]["at"]["friction"] *= 1.0 + 1e-6
-        loose["contacts"]["at"]["arm"] *= 1.0 + 1e-6
+        loose["contacts"]["at"]["rolling_arm"] *= 1.0 + 1e-6
         assume(margin(scene, loose) > 1.0)
     assert choose(BLOCK, scene.pieces, scene.slope, space) == (widest < 1.0)
     if widest < 1.0:

@@ -71,7 +71,7 @@ def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hits: np.nda
     for i in range(len(cases)):
         case, row = cases[i], found[i]
         hit["per_mass"], hit["per_inertia"], hit["size"] = 1.0 / case[MASS], 1.0 / case[INERTIA], case[SIZE]
-        hit["a"], hit["b"], hit["friction"], hit["arm"] = case[A], case[B], case[FRICTION], case[ARM]
+        hit["a"], hit["b"], hit["friction"], hit["rolling_arm"] = case[A], case[B], case[FRICTION], case[ARM]
         hit["restitution"] = case[RESTITUTION]
         hit["v_t"], hit["omega"], hit["v_n"] = case[V_T], case[OMEGA], case[V_N]
         count = impact(hypothesis, hit, phases)

@@ -49,15 +49,15 @@ def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, sp
         The lane behind the last one that is followed.
     """
     space, flights, trims = spaces[0], written.flights, lanes.trims
-    space["once"] = 1.0 if trims.shape[0] > 0 else 0.0
-    space["work"], space["most_work"] = 0.0, limits.most_work
+    space["once"] = 1 if trims.shape[0] > 0 else 0
+    space["work"], space["most_work"] = 0, int(limits.most_work)
     while space["lane"] < last:
-        lane = int(space["lane"])
+        lane = space["lane"]
         flight, body = flights[lane], row_of(lanes.bodies, lane)
         what = trims[lane, 2] if trims.shape[0] > 0 else float(FLY)
         if flight["status"] == RUNNING and what != STAY:
-            if space["begun"] == 0.0:
-                space["waits"], space["samples"] = what, flight["samples"]
+            if space["begun"] == 0:
+                space["waits"], space["samples"] = int(what), flight["samples"]
                 if trims.shape[0] > 0 and what == FLY:
                     trim(body, trims[lane, 1], flight, trims[lane, 0])
             incline, ground = incline_of(slope_of(lanes.slopes, lane)), space["ground"]
@@ -75,4 +75,4 @@ def descend_lanes(rigid: int, limits: Limits, lanes: Lanes, written: Written, sp
             close_books(body, pieces, incline, launch_of(lanes.launches, lane), flight)
             if not done:
                 return
-        space["lane"] += 1.0
+        space["lane"] += 1

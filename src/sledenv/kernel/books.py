@@ -65,8 +65,8 @@ def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.voi
     rebound["tangential_impulse"] += pull * t
     if contact["slip_still"] != 1 and contact["slip_sign"] != 0 and contact["friction"] > 0.0:
         rebound["sliding"] = max(rebound["sliding"] - _integral(force, terms["slip"], t), 0.0)
-    if contacts["spin_still"] == 0 and contact["arm"] > 0.0:
-        lost = contacts["spin_sign"] * contact["arm"] * _integral(normal, s["omega"], t)
+    if contacts["spin_still"] == 0 and contact["rolling_arm"] > 0.0:
+        lost = contacts["spin_sign"] * contact["rolling_arm"] * _integral(normal, s["omega"], t)
         rebound["rolling"] = max(rebound["rolling"] + lost, 0.0)
 
 
@@ -147,7 +147,7 @@ def _lie_on(one: np.void, two: np.void, arcs: Any) -> bool:
     """Whether two arcs touch the same piece with both ends of the side after the first one, and not of its back."""
     if two["kind"] != ARC_PIECE or two["piece"] != one["piece"] or two["arc"] != (one["arc"] + 1) % arcs:
         return False
-    return bool(two["ln"] < one["ln"])
+    return bool(two["normal_lever"] < one["normal_lever"])
 
 
 @kernel

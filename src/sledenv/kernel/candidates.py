@@ -32,7 +32,7 @@ from sledenv.kernel.geometry import (
     part_of_bend,
     reach_along,
 )
-from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, look
+from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, shorten_to_first_root
 from sledenv.kernel.outline import arc_at, from_middle, same_arc
 from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.kernel.zeros import first_zero
@@ -114,7 +114,7 @@ def _watch_entry(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, s
             poly[k] = out * (poly[k] + (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k])
         poly[0] -= out * (tx * x + ty * y + place)
         if poly[0] >= near:
-            look(space, 0, NOTHING, 0, 0)
+            shorten_to_first_root(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -123,7 +123,7 @@ def _watch_opening(space: np.void) -> None:
     poly = space["poly"]
     for k in range(ORDER + 1):
         poly[k] = -poly[k]
-    look(space, 0, NOTHING, 0, 0)
+    shorten_to_first_root(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -152,7 +152,7 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
         for k in range(ORDER):
             poly[k] = (k + 1) * poly[k + 1]
         poly[ORDER] = 0.0
-        look(space, 0, NOTHING, 0, 0)
+        shorten_to_first_root(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -176,7 +176,7 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
     """Let the step end where a pair comes to touch whose gap is ``space["poly"]``; ``gap`` [m] is that at its begin."""
     poly, event, motion, near = space["poly"], space["event"], space["motion"], SAME_PLACE * body["size"]
     zeros = 0
-    if space["lifted"] != 0.0 and abs(gap) <= near:
+    if space["lifted"] != 0 and abs(gap) <= near:
         zeros = _zeros_of_lifted(body, space)
     if gap <= near and zeros == 0:
         zeros = first_term(body, space)
@@ -266,7 +266,7 @@ def _watch_piece(body: np.void, pieces: np.ndarray, j: int, space: np.void) -> N
                 for k in range(ORDER + 1):
                     poly[k] = -side * s["phi"][k]
                 poly[0] = left
-                look(space, 0, NOTHING, 0, 0)
+                shorten_to_first_root(space, 0, NOTHING, 0, 0)
     _watch_arc(body, pieces, arc, j, base, space)
     falling, rising = int(body["falling"][lowest]), int(body["rising"][lowest])
     if falling >= 0:
@@ -335,7 +335,7 @@ def _watch_inside(body: np.void, code: int, space: np.void) -> None:
             poly[k] = sign * (dx * x[k] + dy * y[k])
         poly[0] -= sign * begin
         if poly[0] > near:
-            look(space, 0, NOTHING, 0, 0)
+            shorten_to_first_root(space, 0, NOTHING, 0, 0)
 
 
 @kernel
@@ -406,7 +406,7 @@ def _watch_side(
             sign = math.copysign(1.0, along_c * s["cosine"][zeros] + along_s * s["sine"][zeros])
             for k in range(ORDER + 1):
                 poly[k] = sign * (along_c * s["cosine"][k] + along_s * s["sine"][k])
-            look(space, zeros, NOTHING, 0, 0)
+            shorten_to_first_root(space, zeros, NOTHING, 0, 0)
     if part != ON_ARC:
         _write_place_in_body(piece["qx"], piece["qy"], space)
 
@@ -512,7 +512,7 @@ def _watch_ahead(body: np.void, pieces: np.ndarray, j: int, step: int, x: float,
     """
     contacts, reach, deepest = space["contacts"], space["reach"], 0.0
     for c in range(contacts["count"]):
-        deepest = max(deepest, contacts["at"][c]["deeper"] - contacts["at"][c]["gap"])
+        deepest = max(deepest, contacts["at"][c]["depth_offset"] - contacts["at"][c]["gap"])
     deepest += reach[X] + reach[Y] + body["size"] * (reach[SINE] + reach[COSINE])
     y = pieces[j]["y"] + (x - pieces[j]["x"]) * (pieces[j]["ty"] / pieces[j]["tx"])
     while 0 < (j + 1 if step > 0 else j) < pieces.shape[0] and pieces[j + 1 if step > 0 else j]["bend"] <= 0:
@@ -524,7 +524,7 @@ def _watch_ahead(body: np.void, pieces: np.ndarray, j: int, step: int, x: float,
 
 
 @kernel
-def watch_others(body: np.void, pieces: np.ndarray, space: np.void) -> None:
+def find_new_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     """Let the step end where the first pair of features comes to touch that does not touch yet."""
     measure_reach(space)
     reach, size, x, last = space["reach"], body["size"], space["series"]["x"][0], pieces.shape[0] - 1

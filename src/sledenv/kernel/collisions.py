@@ -44,7 +44,7 @@ def collide(
     hit["size"], hit["per_mass"], hit["per_inertia"] = body["size"], 1.0 / body["mass"], 1.0 / body["inertia"]
     arc, a, b = lowest_arms(body, wrap(state.phi))
     hit["friction"], hit["restitution"] = law.friction, restitution
-    hit["arm"] = rolling_arm(body, law, arc)
+    hit["rolling_arm"] = rolling_arm(body, law, arc)
     _touch(hit, a, b, state.u, state.v, state.omega)
     count[0] = impact(hypothesis, hit, phases)
 
@@ -91,7 +91,7 @@ def collide_each(
     for i in range(contacts.shape[0]):
         a, b = contacts[i, 0], contacts[i, 1]
         hit["size"] = gyration_radius + distance(a, b)
-        hit["restitution"], hit["friction"], hit["arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
+        hit["restitution"], hit["friction"], hit["rolling_arm"] = laws[i, 0], laws[i, 1], laws[i, 2]
         _touch(hit, a, b, contacts[i, 2], contacts[i, 3], contacts[i, 4])
         if impact(hypothesis, hit, None) > MOST_PHASES:
             lost[0] = i

@@ -16,6 +16,7 @@ WIDTH: Final = ORDER + 3  # terms that have room; places have one order more tha
 ZEROS: Final = 2 * MOST_CONTACTS + 1  # velocities that may be zero: gap rate and slip of each contact, and the spin
 PER: Final = np.array([0.0, *(1.0 / k for k in range(1, WIDTH + 1))])  # 1 / k
 DEEPEST: Final = 64  # rows of the stack of the root search
+LEAST_FORCED: Final = 1e-9  # part of a step that is taken in spite of events, where they follow at the same time
 
 
 def fields(kind: str, names: str, shape: tuple[int, ...] = ()) -> list[tuple[Any, ...]]:
@@ -42,27 +43,27 @@ CONTACT: Final = np.dtype(
         ("gap_rate", "f8"),  # [m/s]
         ("slip", "f8"),  # [m/s]
         *fields("f8", "nx ny"),  # [-] normal
-        *fields("f8", "ln lt"),  # [m] what the spin adds to gap rate and slip
+        *fields("f8", "normal_lever tangent_lever"),  # [m] what the spin adds to gap rate and slip
         *fields("f8", "gs gc"),  # [m] the same of the centre of an arc, times cosine and minus sine
         *fields("f8", "push_x push_y push_s push_c"),  # what 1 N of load adds to fx, fy, gs and gc, with its friction
         ("stiffness", "f8"),  # [N/m] in its mode, 0 where the gap is locked
         ("pull", "f8"),  # [-] tangential force over load while it slips
         # [m] how much deeper its features are in each other than its spring is pressed: the depth at which they began;
         # less than zero of two contacts that have become one
-        ("deeper", "f8"),
+        ("depth_offset", "f8"),
         *fields("f8", "qx qy radius"),  # [m] centre and radius of the part of the bend that is touched,
         ("bend", "f8"),  # and 1 of a crest, -1 of a dip
         ("closing", "f8"),  # [N/m] stiffness while the gap closes
         ("opening", "f8"),  # [N/m] and while it opens
         ("friction", "f8"),  # [-]
-        ("arm", "f8"),  # [m] of rolling resistance
+        ("rolling_arm", "f8"),  # [m] of rolling resistance
     ]
 )
 CONTACTS: Final = np.dtype(
     [
         *fields("i8", "count"),
         *fields("i8", "spin_sign spin_still spin_left"),  # as those of a contact
-        ("alike", "i8"),  # 1 if all slip as the first one does: the sum of their friction is known, no part of it
+        ("slip_shared", "i8"),  # 1 if all slip as the first one does: the sum of their friction is known, no part of it
         ("at", CONTACT, (MOST_CONTACTS + 1,)),  # the last one serves to exchange two
     ]
 )
@@ -137,7 +138,7 @@ IMPACT: Final = np.dtype(
         ("a", "f8"),  # [m] arms of the contact point, which lies at (-a, -b) from the mass centre
         ("b", "f8"),
         ("friction", "f8"),  # [-]
-        ("arm", "f8"),  # [m] of rolling resistance
+        ("rolling_arm", "f8"),  # [m] of rolling resistance
         ("restitution", "f8"),  # [-] 0 of a plastic impact
         ("v_t", "f8"),  # [m/s] slip
         ("v_n", "f8"),  # [m/s] gap rate
@@ -174,21 +175,21 @@ SPACE: Final = np.dtype(
         ("reach", "f8", (5,)),  # how far x, y, sine, cosine and phi can move within a step,
         ("late", "f8", (5,)),  # and by all terms but the first
         # How much a call has done, and where the next call goes on.
-        ("lane", "f8"),  # of a batch
-        ("begun", "f8"),  # 1 once the flight of that lane has been taken up
-        ("undecided", "f8"),  # 1 if the mode is to be chosen
-        ("stalled", "f8"),  # events in a row without any progress in time,
+        ("lane", "i8"),  # of a batch
+        ("begun", "i8"),  # 1 once the flight of that lane has been taken up
+        ("undecided", "i8"),  # 1 if the mode is to be chosen
+        ("stalled", "i8"),  # events in a row without any progress in time,
         ("forced", "f8"),  # and the part of a step that is then taken in spite of them
         ("marked", "f8"),  # [s] time at which it was last seen that the descent gets on,
         ("marked_steps", "i8"),  # and the steps in contact up to then
-        ("frozen", "f8"),  # 1 in an impact of several points: all stands still but velocities and depths
-        ("lifted", "f8"),  # 1 if a rigid contact has ended with a load of zero, and no time has passed since
-        ("strikes", "f8"),  # impacts of rigid surfaces in this rebound
-        ("work", "f8"),  # [-] steps of this call
-        ("most_work", "f8"),  # [-] at this number the call stops
-        ("once", "f8"),  # 1 if the call ends where a flight begins that is not too short
-        ("waits", "f8"),  # 1 once it does: the flight under way has not been decided about
-        ("samples", "f8"),  # rows of the trajectory that there were when it began
+        ("frozen", "i8"),  # 1 in an impact of several points: all stands still but velocities and depths
+        ("lifted", "i8"),  # 1 if a rigid contact has ended with a load of zero, and no time has passed since
+        ("strikes", "i8"),  # impacts of rigid surfaces in this rebound
+        ("work", "i8"),  # [-] steps of this call
+        ("most_work", "i8"),  # [-] at this number the call stops
+        ("once", "i8"),  # 1 if the call ends where a flight begins that is not too short
+        ("waits", "i8"),  # 1 once it does: the flight under way has not been decided about
+        ("samples", "i8"),  # rows of the trajectory that there were when it began
         ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out behind it
     ]
 )
@@ -211,7 +212,7 @@ def write_surface(body: np.void, ground: np.void, contact: np.void) -> None:
     zone = contact["zone"]
     corner = contact["kind"] != SIDE_BEND and body["corner"][contact["arc"]] != 0.0
     contact["friction"] = ground["friction"][zone]
-    contact["arm"] = ground["corner_arm"][zone] if corner else ground["arc_arm"][zone]
+    contact["rolling_arm"] = ground["corner_arm"][zone] if corner else ground["arc_arm"][zone]
 
 
 @kernel
@@ -244,7 +245,7 @@ def order_last(contacts: np.void) -> None:
     last = contacts["count"] - 1
     if last < 1 or contacts["at"][last - 1]["gap"] != 0.0:
         return
-    if abs(contacts["at"][last]["ln"]) > abs(contacts["at"][last - 1]["ln"]):
+    if abs(contacts["at"][last]["normal_lever"]) > abs(contacts["at"][last - 1]["normal_lever"]):
         contacts["at"][MOST_CONTACTS] = contacts["at"][last]
         contacts["at"][last] = contacts["at"][last - 1]
         contacts["at"][last - 1] = contacts["at"][MOST_CONTACTS]

@@ -9,6 +9,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
+from sledenv.kernel.advance import advance_contacts, stop_or_release
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import (
     book_loose_spring,
@@ -16,25 +17,23 @@ from sledenv.kernel.books import (
     close_rebound,
     note_mode,
     open_rebound,
-    part_of,
     side_that_lies,
     stored,
 )
-from sledenv.kernel.candidates import watch_others
-from sledenv.kernel.carry import carry_contacts, stop_or_release
-from sledenv.kernel.contacts import ORDER, add, drop, order_last, write_surface
+from sledenv.kernel.candidates import find_new_contacts
+from sledenv.kernel.contacts import LEAST_FORCED, ORDER, add, order_last, write_surface
 from sledenv.kernel.expansion import expand, longest_step
 from sledenv.kernel.features import make_room, pass_on
 from sledenv.kernel.geometry import DEEPEST, height_at, heights_within, place, tangent_at, touching_place
-from sledenv.kernel.ground import are_rigid
+from sledenv.kernel.ground import is_rigid
 from sledenv.kernel.mode import choose
 from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.rebound import put_back, separate, touches_end
 from sledenv.kernel.recording import record_end, record_step
 from sledenv.kernel.records import (
     BURIED,
     FINISH,
     JAMMED,
-    LOG_FULL,
     MOST_CONTACTS,
     NON_FINITE,
     RUNNING,
@@ -42,21 +41,18 @@ from sledenv.kernel.records import (
     TIMEOUT,
     TUMBLED,
 )
-from sledenv.kernel.strike import drop_moving, most_normal, pressing, put_on, strike
+from sledenv.kernel.strike import AGAIN, most_normal, release_or_strike, strike
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
 STEPS_OF_A_SWING: Final = 4000  # in which a descent gets on by one swing of its springs, or ends
 AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no progress
-SMALL: Final = 1e-9  # of the step: the first such step; each one more in a row is FASTER times as long, up to LARGEST
-FASTER: Final = 8.0
+FASTER: Final = 8.0  # times as long is each small step more in a row, up to LARGEST of a step
 LARGEST: Final = 1e-4
 FAR: Final = 1e3  # times what is left: how long a step may be that is cut off there
 NEAR: Final = 0.3  # sizes that a step of a flight near a profile goes, for few pieces lie under it,
 AHEAD: Final = 2.0  # and as far as the body is above all of the profile that lies within so many sizes of it
 THIN: Final = 0.05  # of the size: height of the mass centre of a body that lies, below which that is thin
-CLEAR: Final = 1e-9  # of the loads: no mode of rigid surfaces that is violated by more holds
-AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
 LONG_FLIGHT: Final = -2  # the flight under way is long enough for a trim
 
 
@@ -68,17 +64,9 @@ def take_up(flight: np.void, space: np.void) -> None:
     motion["u"], motion["v"], motion["omega"] = flight["u"], flight["v"], flight["omega"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     space["contacts"]["count"] = 0
-    space["stalled"], space["forced"], space["frozen"], space["lifted"] = 0.0, SMALL, 0.0, 0.0
-    space["undecided"] = 1.0
+    space["stalled"], space["forced"], space["frozen"], space["lifted"] = 0, LEAST_FORCED, 0, 0
+    space["undecided"] = 1
     space["marked"], space["marked_steps"] = flight["t"], flight["steps"]
-
-
-@kernel
-def _put_back(space: np.void, flight: np.void) -> None:
-    """Write where the body is into its flight."""
-    motion = space["motion"]
-    flight["t"], flight["x"], flight["y"], flight["phi"] = motion["t"], motion["x"], motion["y"], motion["phi"]
-    flight["u"], flight["v"], flight["omega"] = motion["u"], motion["v"], motion["omega"]
 
 
 @kernel
@@ -88,7 +76,7 @@ def _stop(
     """End the descent with a status; a contact that goes on is recorded as a rebound."""
     contacts = space["contacts"]
     flight["status"] = status
-    _put_back(space, flight)
+    put_back(space, flight)
     flight["stored"] = stored(contacts)
     if contacts["count"] > 0:
         slip = contacts["at"][0]["slip"]
@@ -120,7 +108,7 @@ def _decide(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, f
     if flight["steps"] >= limits.max_steps or not _gets_on(body, flight, space):
         return STEP_BUDGET
     flight["steps"] += 1
-    if space["undecided"] == 0.0:
+    if space["undecided"] == 0:
         for c in range(contacts["count"]):
             place(body, pieces, space["motion"], contacts["at"][c])
         return RUNNING
@@ -153,7 +141,7 @@ def _is_buried(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
     motion, contacts, size = space["motion"], space["contacts"], body["size"]
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        if contact["deeper"] - contact["gap"] > DEEPEST * size:
+        if contact["depth_offset"] - contact["gap"] > DEEPEST * size:
             x, y = touching_place(motion, contact)  # of a crest far behind a side it may be hardly in the ground
             if height_at(pieces, x) - y > DEEPEST * size:
                 return True
@@ -200,7 +188,7 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         space["forced"] = min(space["forced"] * FASTER, LARGEST)
     else:
         guards.watch_contacts(body, pieces, space)
-        watch_others(body, pieces, space)
+        find_new_contacts(body, pieces, space)
         guards.watch_line(space)
     if event["time"] >= left:  # cut off only now: what is found before does not depend on when the time is over
         event["code"], event["time"] = guards.NOTHING, left
@@ -224,39 +212,27 @@ def _move(body: np.void, space: np.void) -> bool:
     """Go to the end of the step; return whether the mode is to be chosen anew, but for the event there."""
     motion, contacts, s, t = space["motion"], space["contacts"], space["series"], space["event"]["time"]
     if not motion["t"] + t > motion["t"]:
-        space["stalled"] += 1.0
+        space["stalled"] += 1
         space["event"]["time"] = 0.0
-        return bool(space["undecided"] != 0.0)
+        return bool(space["undecided"] != 0)
     if not t > AT_ONCE * space["event"]["longest"]:
-        space["stalled"] += 1.0
+        space["stalled"] += 1
     else:
         if space["stalled"] <= MOST_STALLED:
-            space["forced"] = SMALL
-        space["stalled"] = 0.0
-    space["lifted"] = 0.0
+            space["forced"] = LEAST_FORCED
+        space["stalled"] = 0
+    space["lifted"] = 0
     motion["t"] += t
     _write_motion(s, t, motion)
     if contacts["count"] == 0:
         motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
         return False
     book_step(space, t)
-    return carry_contacts(body, t, space)
+    return advance_contacts(body, t, space)
 
 
 @kernel
-def _touches_end(body: np.void, limits: Limits, space: np.void) -> bool:
-    """Whether a part of the body touches whose touch ends the descent."""
-    contacts, parts = space["contacts"], int(limits.end_parts)
-    if parts == 0:
-        return False
-    for c in range(contacts["count"]):
-        if (parts >> int(part_of(body, contacts["at"][c]))) & 1 != 0:
-            return True
-    return bool((parts >> int(side_that_lies(body, contacts))) & 1 != 0)
-
-
-@kernel
-def _be_born(
+def _begin_contact(
     body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
 ) -> int:
     """Add the pair that has come to touch to the contacts; return the status."""
@@ -267,107 +243,22 @@ def _be_born(
     contact = contacts["at"][contacts["count"] - 1]
     motion = space["motion"]
     fast = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
-    begins, rigid = contacts["count"] == 1, are_rigid(space["ground"])
+    begins, rigid = contacts["count"] == 1, is_rigid(space["ground"])
     # Rigid surfaces that touch although they open have parted too slowly for any time to pass.
     if abs(contact["gap_rate"]) < guards.STILL * fast or (rigid and contact["gap_rate"] > 0.0):
         contact["gap_rate"] = 0.0
     if begins:
         contacts["spin_sign"] = contacts["spin_still"] = contacts["spin_left"] = 0
         open_rebound(body, motion, contact, space["rebound"])
-        space["strikes"] = 0.0
-    if (begins or not rigid) and _touches_end(body, limits, space):
+        space["strikes"] = 0
+    if (begins or not rigid) and touches_end(body, limits, space):
         return TUMBLED
     if not rigid:
         order_last(contacts)
         return RUNNING
     if begins:
         space["rebound"]["peak_force"] = math.inf
-    return _strike(body, pieces, slope, limits, False, flight, log, space)
-
-
-@kernel
-def _strike(
-    body: np.void,
-    pieces: np.ndarray,
-    slope: Incline,
-    limits: Limits,
-    jolted: bool,
-    flight: np.void,
-    log: np.ndarray,
-    space: np.void,
-) -> int:
-    """Let rigid surfaces hit each other, and go on with what stays in contact; return the status."""
-    contacts = space["contacts"]
-    status = strike(body, pieces, slope, jolted, space)
-    space["event"]["time"] = 0.0
-    if status != RUNNING:
-        return status
-    if _touches_end(body, limits, space):
-        return TUMBLED
-    slip = contacts["at"][0]["slip"]
-    drop_moving(contacts)
-    return RUNNING if contacts["count"] > 0 else _take_off(body, limits, slip, flight, log, space)
-
-
-@kernel
-def _take_off(body: np.void, limits: Limits, slip: float, flight: np.void, log: np.ndarray, space: np.void) -> int:
-    """Record a rebound whose last contact has ended with some slip [m/s]; return the status."""
-    close_rebound(body, space, slip, flight, log[min(flight["rebounds"], log.shape[0] - 1)])
-    motion = space["motion"]
-    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
-    space["stalled"], space["forced"] = 0.0, SMALL
-    _put_back(space, flight)
-    return LOG_FULL if flight["rebounds"] >= limits.max_rebounds else RUNNING
-
-
-@kernel
-def _separate(
-    body: np.void, pieces: np.ndarray, limits: Limits, c: int, flight: np.void, log: np.ndarray, space: np.void
-) -> int:
-    """Take a contact that has ended off the list; the rebound is over with the last one. Return the status."""
-    contacts = space["contacts"]
-    slip = contacts["at"][c]["slip"]
-    if are_rigid(space["ground"]):
-        space["lifted"] = space["undecided"] = 1.0
-        if contacts["count"] == 1:
-            put_on(body, pieces, space["motion"], contacts["at"][0])
-    drop(contacts, c)
-    return RUNNING if contacts["count"] > 0 else _take_off(body, limits, slip, flight, log, space)
-
-
-@kernel
-def _hold(
-    body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
-) -> int:
-    """Let rigid contacts go that the chosen mode does not hold; an impact follows where no finite load holds them.
-
-    Returns RUNNING if all are held, AGAIN if a mode is to be chosen anew, or the status with which the descent ends.
-    """
-    contacts, choice, motion = space["contacts"], space["choice"], space["motion"]
-    leaving, count = 0, contacts["count"]
-    for c in range(count):
-        leaving += 1 if contacts["at"][c]["gap_sign"] > 0 else 0
-    fails = choice["wrong"] > CLEAR * choice["scale"]
-    if leaving == 0 and not fails:
-        return RUNNING
-    jolted = False
-    if leaving == count or fails:
-        jolted = slope.inward > 0.0 if count > 1 else pressing(slope, motion, contacts["at"][0]) > 0.0
-        if jolted and count > 1:  # friction tips the body over the point ahead
-            ahead = 0
-            for c in range(count):
-                if contacts["at"][c]["ln"] * contacts["at"][c]["slip"] > 0.0:
-                    ahead = c
-            contacts["at"][0] = contacts["at"][ahead]
-            contacts["count"] = 1
-    if jolted:
-        status = _strike(body, pieces, slope, limits, True, flight, log, space)
-    else:
-        status = RUNNING
-        for c in range(count - 1, -1, -1):
-            if status == RUNNING and (fails or contacts["at"][c]["gap_sign"] > 0):
-                status = _separate(body, pieces, limits, c, flight, log, space)
-    return AGAIN if status == RUNNING else status
+    return strike(body, pieces, slope, limits, False, flight, log, space)
 
 
 @kernel
@@ -400,16 +291,16 @@ def _apply(
         return TIMEOUT if motion["t"] >= limits.max_time else RUNNING
     if code == guards.LINE:
         return _pass_line(pieces, limits, flight, space)
-    space["undecided"] = 1.0
+    space["undecided"] = 1
     if code == guards.BORN:
-        return _be_born(body, pieces, slope, limits, flight, log, space)
-    if code == guards.SEPARATION or (code == guards.GAP_FREE and are_rigid(space["ground"])):
-        return _separate(body, pieces, limits, event["who"], flight, log, space)
+        return _begin_contact(body, pieces, slope, limits, flight, log, space)
+    if code == guards.SEPARATION or (code == guards.GAP_FREE and is_rigid(space["ground"])):
+        return separate(body, pieces, limits, event["who"], flight, log, space)
     if code == guards.FEATURE:
         if pass_on(body, pieces, space, event["who"], side):
             return RUNNING
         book_loose_spring(contacts["at"][event["who"]], space["rebound"])
-        return _separate(body, pieces, limits, event["who"], flight, log, space)
+        return separate(body, pieces, limits, event["who"], flight, log, space)
     if code == guards.ZONE:
         contact = contacts["at"][event["who"]]
         contact["zone"] += side
@@ -425,7 +316,7 @@ def _is_to_be_trimmed(limits: Limits, flight: np.void, space: np.void) -> bool:
 
     Behind the end of the slope nothing is decided any more.
     """
-    if space["waits"] == 0.0 or flight["t_line"] < math.inf:
+    if space["waits"] == 0 or flight["t_line"] < math.inf:
         return False
     return bool(space["motion"]["t"] - flight["t"] + space["event"]["time"] >= limits.shortest_flight)
 
@@ -442,7 +333,7 @@ def _step(
     rows: np.ndarray,
 ) -> int:
     """One turn of the loop: mode, series, first event, motion up to it, what it changes. Return the status."""
-    contacts, event, rigid = space["contacts"], space["event"], are_rigid(space["ground"])
+    contacts, event, rigid = space["contacts"], space["event"], is_rigid(space["ground"])
     if space["stalled"] > GIVEN_UP:
         return STEP_BUDGET
     status = RUNNING
@@ -451,15 +342,15 @@ def _step(
     if status in (RUNNING, JAMMED) and _is_buried(body, pieces, space):
         return BURIED
     if contacts["count"] > 0:
-        if status == RUNNING and rigid and space["undecided"] != 0.0:
-            status = _hold(body, pieces, slope, limits, flight, log, space)
+        if status == RUNNING and rigid and space["undecided"] != 0:
+            status = release_or_strike(body, pieces, slope, limits, flight, log, space)
         if status != RUNNING:
             return RUNNING if status == AGAIN else status
     expand(body, slope, space)
     if rigid and contacts["count"] == 1:
         load = space["series"]["of"][0]["normal"][0]
         if not 0.0 <= load <= most_normal(body, slope, space["rebound"]):
-            return _strike(body, pieces, slope, limits, True, flight, log, space)
+            return strike(body, pieces, slope, limits, True, flight, log, space)
     _find_event(body, pieces, slope, limits, space)
     if not event["time"] < math.inf:
         return NON_FINITE
@@ -469,7 +360,7 @@ def _step(
         record_step(body, pieces, limits, event["time"], space, flight, rows)
     forced = space["stalled"] > MOST_STALLED
     passed = _move(body, space)
-    space["undecided"] = 1.0 if passed or forced else 0.0
+    space["undecided"] = 1 if passed or forced else 0
     return _apply(body, pieces, slope, limits, flight, log, space)
 
 
@@ -507,24 +398,24 @@ def descend(
     rows : ndarray of TRAJECTORY
         Rows are written while there is room; ``flight["samples"]`` says how many were needed.
     """
-    if space["begun"] == 0.0:
+    if space["begun"] == 0:
         take_up(flight, space)
         space["finish"] = slope.length + (limits.run_out if flight["t_line"] < math.inf else 0.0)
-        space["begun"] = 1.0
+        space["begun"] = 1
     before = flight["rebounds"]
     while flight["status"] == RUNNING:
         if space["work"] >= space["most_work"]:
             return False
-        space["work"] += 1.0
+        space["work"] += 1
         status = _step(body, pieces, slope, limits, flight, log, space, rows)
         if status == LONG_FLIGHT:  # back to where it begins
             flight["samples"] = space["samples"]
             break
         if status != RUNNING:
             _stop(body, pieces, status, flight, log, space, rows)
-        elif space["once"] != 0.0 and flight["rebounds"] > before:
+        elif space["once"] != 0 and flight["rebounds"] > before:
             if limits.shortest_flight == 0.0:
                 break
-            before, space["waits"], space["samples"] = flight["rebounds"], 1.0, flight["samples"]
-    space["begun"] = 0.0
+            before, space["waits"], space["samples"] = flight["rebounds"], 1, flight["samples"]
+    space["begun"] = 0
     return True

@@ -88,7 +88,7 @@ def _velocities_on_bend(body: np.void, contact: np.void, s: np.void, terms: np.v
         return
     ox, oy = body["ox"][a], body["oy"][a]
     terms["gap_rate"][k] = m * (ox * bx[m] + oy * by[m])
-    turning = product(terms["gap"], s["omega"], k) + (contact["radius"] - contact["deeper"]) * s["omega"][k]
+    turning = product(terms["gap"], s["omega"], k) + (contact["radius"] - contact["depth_offset"]) * s["omega"][k]
     terms["slip"][k] = m * (oy * bx[m] - ox * by[m]) - turning
 
 
@@ -115,15 +115,15 @@ def _lock_terms(contact: np.void, terms: np.void, k: int) -> None:
 
 
 @kernel
-def _terms_of_places(frozen: float, s: np.void, k: int) -> None:
+def _terms_of_places(frozen: int, s: np.void, k: int) -> None:
     """Write terms of order ``k`` of where the body is, from those of its velocities; if ``frozen`` is 1 it is there."""
-    per = PER[k] if frozen == 0.0 else 0.0
+    per = PER[k] if frozen == 0 else 0.0
     s["x"][k], s["y"][k], s["phi"][k] = s["u"][k - 1] * per, s["v"][k - 1] * per, s["omega"][k - 1] * per
     s["sine"][k], s["cosine"][k] = s["cw"][k - 1] * per, -s["sw"][k - 1] * per
 
 
 @kernel
-def _begin(body: np.void, frozen: float, motion: np.void, contacts: np.void, s: np.void) -> None:
+def _begin(body: np.void, frozen: int, motion: np.void, contacts: np.void, s: np.void) -> None:
     """Write the first terms of all series."""
     s["x"][0], s["y"][0], s["phi"][0] = motion["x"], motion["y"], motion["phi"]
     s["u"][0], s["v"][0], s["omega"][0] = motion["u"], motion["v"], motion["omega"]
@@ -175,7 +175,7 @@ def _push_on_bend(
             fx += cosine[k - i] * along - sine[k - i] * across
             fy += sine[k - i] * along + cosine[k - i] * across
             moment += bx[k - i] * across - by[k - i] * along - gap[k - i] * force[i]
-        return fx, fy, moment + (contact["deeper"] - contact["radius"]) * force[k], 0.0, 0.0
+        return fx, fy, moment + (contact["depth_offset"] - contact["radius"]) * force[k], 0.0, 0.0
     nx, ny = terms["nx"], terms["ny"]
     fx = fy = 0.0
     for i in range(k + 1):
@@ -211,7 +211,7 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
         contact, terms = contacts["at"][c], s["of"][c]
         normal = -contact["stiffness"] * terms["gap"][k]
         terms["normal"][k], terms["force"][k] = normal, contact["pull"] * normal
-        load += contact["arm"] * normal
+        load += contact["rolling_arm"] * normal
         if contact["kind"] == ARC_PIECE:
             fx, fy = fx + normal * contact["push_x"], fy + normal * contact["push_y"]
             gs, gc = gs + normal * contact["push_s"], gc + normal * contact["push_c"]
@@ -232,7 +232,7 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
 
 
 @kernel
-def _locked_term(body: np.void, frozen: float, contacts: np.void, lock: np.void, s: np.void, m: int) -> float:
+def _locked_term(body: np.void, frozen: int, contacts: np.void, lock: np.void, s: np.void, m: int) -> float:
     """Term of order ``m`` of a locked velocity without the locked forces of the order before."""
     if lock["what"] == SPIN:
         return s["omega"][m]  # type: ignore[no-any-return]
@@ -253,7 +253,7 @@ def _add_force(contacts: np.void, lock: np.void, force: float, s: np.void, k: in
     if lock["what"] == GAP:
         terms["normal"][k] += force
         terms["force"][k] += contact["pull"] * force
-        s["moment"][k] -= contacts["spin_sign"] * contact["arm"] * force
+        s["moment"][k] -= contacts["spin_sign"] * contact["rolling_arm"] * force
         if contact["kind"] != SIDE_BEND:
             s["gs"][k] += contact["push_s"] * force
             s["gc"][k] += contact["push_c"] * force
@@ -265,7 +265,7 @@ def _add_force(contacts: np.void, lock: np.void, force: float, s: np.void, k: in
 
 
 @kernel
-def _add_locked(body: np.void, frozen: float, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
+def _add_locked(body: np.void, frozen: int, contacts: np.void, choice: np.void, s: np.void, k: int) -> None:
     """Add the locked forces of order ``k``, with which locked velocities have no term of order ``k + 1``."""
     m = k + 1
     for i in range(choice["locks"]):
@@ -287,7 +287,7 @@ def _add_locked(body: np.void, frozen: float, contacts: np.void, choice: np.void
 
 
 @kernel
-def _terms_of_motion(body: np.void, frozen: float, contacts: np.void, s: np.void, k: int) -> None:
+def _terms_of_motion(body: np.void, frozen: int, contacts: np.void, s: np.void, k: int) -> None:
     """Write what follows from terms of order ``k`` of the velocities of the body."""
     _terms_of_places(frozen, s, k + 1)
     for c in range(contacts["count"]):
@@ -302,11 +302,11 @@ def _expand_flight(slope: Any, s: np.void) -> None:
     omega = s["omega"][0]
     for k in range(1, ORDER + 1):
         s["u"][k] = s["v"][k] = s["omega"][k] = 0.0
-        _terms_of_places(0.0, s, k)
+        _terms_of_places(0, s, k)
         s["sw"][k], s["cw"][k] = s["sine"][k] * omega, s["cosine"][k] * omega
         if k == 1:
             s["u"][1], s["v"][1] = slope.downhill, -slope.inward
-    _terms_of_places(0.0, s, ORDER + 1)
+    _terms_of_places(0, s, ORDER + 1)
 
 
 @kernel
@@ -345,7 +345,7 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     """
     s, contacts, size = space["series"], space["contacts"], body["size"]
     longest, turning = LONGEST, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
-    if turning > 0.0 and space["frozen"] == 0.0:
+    if turning > 0.0 and space["frozen"] == 0:
         longest = MOST_TURN / turning
     if contacts["count"] == 0:
         return longest
@@ -360,7 +360,7 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     of_radius = OF_LOAD * tolerance
     for c in range(contacts["count"]):
         contact, terms = contacts["at"][c], s["of"][c]
-        if contact["gap_sign"] == 0 and space["frozen"] == 0.0:  # loads may change where velocities do not
+        if contact["gap_sign"] == 0 and space["frozen"] == 0:  # loads may change where velocities do not
             last = abs(terms["normal"][ORDER - 1]) / (abs(terms["normal"][0]) + body["mass"] * slope.gravity)
             power = min(power, of_radius * _radius(last, ORDER - 1))
         if contact["kind"] == ARC_BEND:  # its normal turns

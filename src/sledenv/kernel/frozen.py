@@ -13,8 +13,8 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
+from sledenv.kernel.advance import AT_SURFACE, advance_contacts, stop_or_release
 from sledenv.kernel.books import book_step, note_mode
-from sledenv.kernel.carry import AT_SURFACE, carry_contacts, stop_or_release
 from sledenv.kernel.contacts import ORDER, write_surface
 from sledenv.kernel.expansion import expand, longest_step, value
 from sledenv.kernel.mode import choose
@@ -43,7 +43,7 @@ def _press(body: np.void, spring: float, plastic: bool, space: np.void, c: int) 
 @kernel
 def _let_go(contact: np.void) -> None:
     """Let a point be off the surface: it has no forces until it is back."""
-    contact["closing"] = contact["opening"] = contact["friction"] = contact["arm"] = 0.0
+    contact["closing"] = contact["opening"] = contact["friction"] = contact["rolling_arm"] = 0.0
 
 
 @kernel
@@ -83,7 +83,7 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
         zeros = 0
         while zeros < 3 and contact["gap"] == 0.0 and not poly[zeros] > 0.0:
             zeros += 1
-        guards.look(space, zeros, guards.BORN, c, 0)
+        guards.shorten_to_first_root(space, zeros, guards.BORN, c, 0)
     guards.watch_spin(contacts, space)
 
 
@@ -97,7 +97,7 @@ def _step(body: np.void, pieces: np.ndarray, approach: float, spring: float, pla
     if t > 0.0:
         motion["u"], motion["v"], motion["omega"] = value(s["u"], t), value(s["v"], t), value(s["omega"], t)
         book_step(space, t)
-        carry_contacts(body, t, space)
+        advance_contacts(body, t, space)
     who = event["who"]
     if event["code"] == guards.SEPARATION:
         contacts["at"][who]["gap"] = 0.0
@@ -156,7 +156,7 @@ def hit_together(body: np.void, pieces: np.ndarray, plastic: bool, space: np.voi
             _let_go(contact)
     deepest, lost = rebound["peak_penetration"], rebound["hysteresis"] + rebound["rolling"]
     sliding, energy, ends = rebound["sliding"], _kinetic(body, motion), False
-    space["frozen"] = 1.0
+    space["frozen"] = 1
     for _ in range(MOST_STEPS):
         rests = choose(body, pieces, _NO_GRAVITY, space)
         note_mode(contacts, rebound)
@@ -172,7 +172,7 @@ def hit_together(body: np.void, pieces: np.ndarray, plastic: bool, space: np.voi
             ends = True
             break
         _step(body, pieces, approach, spring, plastic, space)
-    space["frozen"] = 0.0
+    space["frozen"] = 0
     _end(body, approach, space)
     rebound["peak_penetration"] = deepest
     rebound["sliding"] = sliding

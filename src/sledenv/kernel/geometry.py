@@ -305,15 +305,15 @@ def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) 
             gap = nx * (ex - piece["x"]) + ny * (ey - piece["y"]) - body["r"][a]
         lx, ly = rx - body["r"][a] * nx, ry - body["r"][a] * ny
         contact["gs"], contact["gc"] = ny * cx - nx * cy, nx * cx + ny * cy
-    contact["deeper"] = contact["gap"] - gap
+    contact["depth_offset"] = contact["gap"] - gap
     contact["nx"], contact["ny"] = nx, ny
-    contact["ln"], contact["lt"] = lx * ny - ly * nx, -(lx * nx + ly * ny)
+    contact["normal_lever"], contact["tangent_lever"] = lx * ny - ly * nx, -(lx * nx + ly * ny)
 
 
 @kernel
 def touching_place(motion: np.void, contact: np.void) -> tuple[float, float]:
     """Place [m] of the touching point of a contact that has been placed: its lever in terms of ``ln`` and ``lt``."""
-    nx, ny, ln, lt = contact["nx"], contact["ny"], contact["ln"], contact["lt"]
+    nx, ny, ln, lt = contact["nx"], contact["ny"], contact["normal_lever"], contact["tangent_lever"]
     return motion["x"] + ln * ny - lt * nx, motion["y"] - ln * nx - lt * ny
 
 
@@ -322,7 +322,7 @@ def velocities(motion: np.void, contact: np.void) -> tuple[float, float]:
     """Gap rate and slip [m/s] of a contact that has been placed, from the motion of the body."""
     u, v, omega = motion["u"], motion["v"], motion["omega"]
     nx, ny = contact["nx"], contact["ny"]
-    return nx * u + ny * v + contact["ln"] * omega, ny * u - nx * v + contact["lt"] * omega
+    return nx * u + ny * v + contact["normal_lever"] * omega, ny * u - nx * v + contact["tangent_lever"] * omega
 
 
 @kernel

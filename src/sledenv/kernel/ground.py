@@ -85,6 +85,6 @@ def lay_rigid(law: Any, ground: np.void) -> None:
 
 
 @kernel
-def are_rigid(ground: np.void) -> bool:
+def is_rigid(ground: np.void) -> bool:
     """Whether the surfaces are rigid: the one place where a descent asks for its law."""
     return bool(ground["closing"][0] == math.inf)

@@ -60,7 +60,7 @@ RESTING: Final = 1e-6  # and stays there in a step that does not move it by more
 
 
 @kernel
-def look(space: np.void, zeros: int, code: int, who: int, side: int) -> None:
+def shorten_to_first_root(space: np.void, zeros: int, code: int, who: int, side: int) -> None:
     """Let the step end where the polynomial ``space["poly"]`` has its first zero, if that comes before its end."""
     event = space["event"]
     t = first_zero(space["poly"], event["time"], zeros, space["stack"])
@@ -108,7 +108,7 @@ def watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np
         if zeros > 0 and not poly[zeros] > 0.0:  # it has opened at the end of the step before
             space["event"]["time"], space["event"]["code"], space["event"]["who"] = 0.0, SEPARATION, c
         else:
-            look(space, zeros, SEPARATION, c, 0)
+            shorten_to_first_root(space, zeros, SEPARATION, c, 0)
     if contact["gap_still"] != 0 and contact["gap_sign"] != 0:
         return
     if contact["gap_sign"] != 0:
@@ -117,9 +117,9 @@ def watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np
         for k in range(ORDER + 1):
             poly[k] = sign * terms["gap_rate"][k]
         if sign != 0:
-            look(space, _released(poly) if contact["gap_rate"] == 0.0 else 0, GAP_ZERO, c, 0)
+            shorten_to_first_root(space, _released(poly) if contact["gap_rate"] == 0.0 else 0, GAP_ZERO, c, 0)
         return
-    shallow = 0.0 if space["frozen"] != 0.0 else SHALLOW * body["size"]  # as the mode has been chosen
+    shallow = 0.0 if space["frozen"] != 0 else SHALLOW * body["size"]  # as the mode has been chosen
     depth = -contact["gap"] if contact["gap"] < 0.0 else shallow
     for side in (-1, 1):
         bound = contact["closing"] if side < 0 else -contact["opening"]
@@ -128,7 +128,7 @@ def watch_gap(body: np.void, contact: np.void, terms: np.void, c: int, space: np
         for k in range(ORDER + 1):
             poly[k] = side * terms["normal"][k]
         poly[0] += bound * depth
-        look(space, 0, GAP_FREE, c, side)
+        shorten_to_first_root(space, 0, GAP_FREE, c, side)
 
 
 @kernel
@@ -141,26 +141,26 @@ def _is_fresh(contact: np.void) -> bool:
 def watch_slip(contact: np.void, terms: np.void, c: int, space: np.void) -> None:
     """Watch the slip of a contact, or the friction that holds it."""
     poly, sign, contacts = space["poly"], contact["slip_sign"], space["contacts"]
-    alike = contacts["alike"] != 0
-    if alike and c > 0:
+    shared = contacts["slip_shared"] != 0
+    if shared and c > 0:
         return
-    friction = all_friction(contacts) if alike else contact["friction"]
+    friction = all_friction(contacts) if shared else contact["friction"]
     if not friction > 0.0 or (contact["slip_still"] != 0 and sign != 0):
         return
     if sign != 0:
         for k in range(ORDER + 1):
             poly[k] = sign * terms["slip"][k]
-        look(space, _released(poly) if contact["slip"] == 0.0 else 0, SLIP_ZERO, c, 0)
+        shorten_to_first_root(space, _released(poly) if contact["slip"] == 0.0 else 0, SLIP_ZERO, c, 0)
         return
     first = mirrored(space["motion"])
     for side in (-first, first):
         for k in range(ORDER + 1):
             poly[k] = contact["friction"] * terms["normal"][k] + side * terms["force"][k]
-        for q in range(1, contacts["count"] if alike else 0):
+        for q in range(1, contacts["count"] if shared else 0):
             other, of = contacts["at"][q], space["series"]["of"][q]
             for k in range(ORDER + 1):
                 poly[k] += other["friction"] * of["normal"][k] + side * of["force"][k]
-        look(space, _begun(poly, 1) if _is_fresh(contact) and not alike else 0, SLIP_FREE, c, side)
+        shorten_to_first_root(space, _begun(poly, 1) if _is_fresh(contact) and not shared else 0, SLIP_FREE, c, side)
 
 
 @kernel
@@ -169,14 +169,14 @@ def watch_spin(contacts: np.void, space: np.void) -> None:
     poly, s, sign = space["poly"], space["series"], contacts["spin_sign"]
     arms, fresh = 0.0, True
     for c in range(contacts["count"]):
-        arms += contacts["at"][c]["arm"]
+        arms += contacts["at"][c]["rolling_arm"]
         fresh = fresh and _is_fresh(contacts["at"][c])
     if not arms > 0.0 or (contacts["spin_still"] != 0 and sign != 0):
         return
     if sign != 0:
         for k in range(ORDER + 1):
             poly[k] = sign * s["omega"][k]
-        look(space, _released(poly) if s["omega"][0] == 0.0 else 0, SPIN_ZERO, 0, 0)
+        shorten_to_first_root(space, _released(poly) if s["omega"][0] == 0.0 else 0, SPIN_ZERO, 0, 0)
         return
     first = mirrored(space["motion"])
     for side in (-first, first):
@@ -185,8 +185,8 @@ def watch_spin(contacts: np.void, space: np.void) -> None:
         for c in range(contacts["count"]):
             contact, normal = contacts["at"][c], s["of"][c]["normal"]
             for k in range(ORDER + 1):
-                poly[k] += contact["arm"] * normal[k]
-        look(space, _begun(poly, 1) if fresh else 0, SPIN_FREE, 0, side)
+                poly[k] += contact["rolling_arm"] * normal[k]
+        shorten_to_first_root(space, _begun(poly, 1) if fresh else 0, SPIN_FREE, 0, side)
 
 
 @kernel
@@ -199,7 +199,7 @@ def _watch_end(
         poly[k] = factor * series[k]
     poly[0] += offset
     if poly[0] >= near:
-        look(space, 0, code, c, side)
+        shorten_to_first_root(space, 0, code, c, side)
         return
     if code == FEATURE and side in (ARC_LOW, ARC_HIGH) and poly[0] < -near:
         return  # the far end of a straight side, in contact by itself
@@ -213,7 +213,7 @@ def _watch_end(
         if event["time"] > 0.0:
             event["time"], event["code"], event["who"], event["side"] = 0.0, code, c, side
     elif poly[zeros] > 0.0 and poly[0] > -near:
-        look(space, zeros, code, c, side)
+        shorten_to_first_root(space, zeros, code, c, side)
 
 
 @kernel
@@ -370,4 +370,4 @@ def watch_line(space: np.void) -> None:
         for k in range(ORDER + 1):
             poly[k] = -s["x"][k]
         poly[0] += space["finish"]
-        look(space, 0, LINE, 0, 0)
+        shorten_to_first_root(space, 0, LINE, 0, 0)

@@ -26,11 +26,11 @@ TIE: Final = 1e-12  # of the normal force: a locked force may be beyond its boun
 def _held_moment(slip_force: float, spin: int, hit: np.void) -> tuple[int, float]:
     """Sign of a spin that is zero, and the rolling moment over the normal force: it is held, or at its bound."""
     if spin != 0:
-        return spin, -spin * hit["arm"]
+        return spin, -spin * hit["rolling_arm"]
     held = hit["a"] - hit["b"] * slip_force
-    if abs(held) - hit["arm"] <= TIE * hit["size"]:
+    if abs(held) - hit["rolling_arm"] <= TIE * hit["size"]:
         return 0, held
-    return (-1, hit["arm"]) if held > 0.0 else (1, -hit["arm"])
+    return (-1, hit["rolling_arm"]) if held > 0.0 else (1, -hit["rolling_arm"])
 
 
 @kernel

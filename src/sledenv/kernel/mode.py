@@ -15,7 +15,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of
 from sledenv.kernel.geometry import ARC_BEND, SIDE_BEND, mirrored, place, velocities
-from sledenv.kernel.ground import are_rigid
+from sledenv.kernel.ground import is_rigid
 from sledenv.kernel.rest import hold
 
 FOLLOWS: Final = 2  # a slip that is still because others are; their levers differ by their depths, so it moves a little
@@ -42,8 +42,8 @@ def _row(contacts: np.void, what: int, c: int) -> tuple[float, float, float]:
         return 0.0, 0.0, 1.0
     contact = contacts["at"][c]
     if what == GAP:
-        return contact["nx"], contact["ny"], contact["ln"]
-    return contact["ny"], -contact["nx"], contact["lt"]
+        return contact["nx"], contact["ny"], contact["normal_lever"]
+    return contact["ny"], -contact["nx"], contact["tangent_lever"]
 
 
 @kernel
@@ -70,7 +70,7 @@ def _write_sign(contacts: np.void, what: int, c: int, sign: int) -> None:
         contacts["spin_sign"] = sign
     elif what == GAP:
         contacts["at"][c]["gap_sign"] = sign
-    elif contacts["alike"] == 0:
+    elif contacts["slip_shared"] == 0:
         contacts["at"][c]["slip_sign"] = sign
     else:
         for q in range(contacts["count"]):
@@ -83,7 +83,7 @@ def _write_still(contacts: np.void, what: int, c: int, still: int) -> None:
         contacts["spin_still"] = still
     elif what == GAP:
         contacts["at"][c]["gap_still"] = still
-    elif contacts["alike"] == 0:
+    elif contacts["slip_shared"] == 0:
         contacts["at"][c]["slip_still"] = still
     else:
         for q in range(contacts["count"]):
@@ -141,7 +141,7 @@ def find_locks(body: np.void, contacts: np.void, choice: np.void) -> None:
                 pull = -contact["slip_sign"] * contact["friction"]
                 r0 += pull * contact["ny"]
                 r1 -= pull * contact["nx"]
-                r2 += pull * contact["lt"] - contacts["spin_sign"] * contact["arm"]
+                r2 += pull * contact["tangent_lever"] - contacts["spin_sign"] * contact["rolling_arm"]
             per_mass, per_inertia = body["per_mass"], body["per_inertia"]
             lock["push"][0], lock["push"][1], lock["push"][2] = r0, r1, r2
             lock["kick"][0], lock["kick"][1], lock["kick"][2] = r0 * per_mass, r1 * per_mass, r2 * per_inertia
@@ -247,8 +247,8 @@ def _accelerate(body: np.void, slope: Any, contacts: np.void, choice: np.void) -
         share["normal"], share["force"] = normal, force
         fx += normal * contact["nx"] + force * contact["ny"]
         fy += normal * contact["ny"] - force * contact["nx"]
-        turning += normal * contact["ln"] + force * contact["lt"]
-        load += contact["arm"] * normal
+        turning += normal * contact["normal_lever"] + force * contact["tangent_lever"]
+        load += contact["rolling_arm"] * normal
     rolling = -spin * load
     turning += rolling
     per_mass, per_inertia = body["per_mass"], body["per_inertia"]
@@ -275,16 +275,16 @@ def _accelerate(body: np.void, slope: Any, contacts: np.void, choice: np.void) -
             share["force"] = force
         else:
             share["normal"], share["force"] = force, -contact["slip_sign"] * contact["friction"] * force
-            load += contact["arm"] * force
-            rolling -= spin * contact["arm"] * force
+            load += contact["rolling_arm"] * force
+            rolling -= spin * contact["rolling_arm"] * force
     choice["du"], choice["dv"], choice["domega"] = fx * per_mass, fy * per_mass, turning * per_inertia
     choice["moment"], choice["load"] = rolling, load
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
         nx, ny = contact["nx"], contact["ny"]
         du, dv, domega = choice["du"], choice["dv"], choice["domega"]
-        share["gap_change"] = nx * du + ny * dv + contact["ln"] * domega + share["gap_drift"]
-        share["slip_change"] = ny * du - nx * dv + contact["lt"] * domega + share["slip_drift"]
+        share["gap_change"] = nx * du + ny * dv + contact["normal_lever"] * domega + share["gap_drift"]
+        share["slip_change"] = ny * du - nx * dv + contact["tangent_lever"] * domega + share["slip_drift"]
 
 
 @kernel
@@ -302,7 +302,7 @@ def _excess(body: np.void, contacts: np.void, choice: np.void, what: int, c: int
     if what == SPIN:
         return float(max(abs(choice["moment"]) - choice["load"], 0.0) / body["size"])
     contact, share = contacts["at"][c], choice["share"][c]
-    if what == SLIP and contacts["alike"] != 0:
+    if what == SLIP and contacts["slip_shared"] != 0:
         force, bound = 0.0, 0.0
         for q in range(contacts["count"]):
             force += choice["share"][q]["force"]
@@ -368,9 +368,9 @@ def _change_motion(motion: np.void, contacts: np.void, du: float, dv: float, dom
         contact = contacts["at"][c]
         nx, ny = contact["nx"], contact["ny"]
         if contact["gap_sign"] != 0:
-            contact["gap_rate"] += nx * du + ny * dv + contact["ln"] * domega
+            contact["gap_rate"] += nx * du + ny * dv + contact["normal_lever"] * domega
         if contact["slip_sign"] != 0:
-            contact["slip"] += ny * du - nx * dv + contact["lt"] * domega
+            contact["slip"] += ny * du - nx * dv + contact["tangent_lever"] * domega
 
 
 @kernel
@@ -501,9 +501,9 @@ def _list_zeros(shallow: float, contacts: np.void, choice: np.void) -> None:
     for c in range(contacts["count"]):
         contact, share = contacts["at"][c], choice["share"][c]
         share["depth"] = -contact["gap"] if contact["gap"] < 0.0 else shallow
-        arms += contact["arm"]
+        arms += contact["rolling_arm"]
         _list_zero(contacts, choice, GAP, c, contact["closing"] != contact["opening"], share["gap_before"])
-        if contacts["alike"] == 0:
+        if contacts["slip_shared"] == 0:
             _list_zero(contacts, choice, SLIP, c, contact["friction"] > 0.0, share["slip_before"])
         elif c == 0:
             _list_zero(contacts, choice, SLIP, 0, all_friction(contacts) > 0.0, share["slip_before"])
@@ -607,7 +607,7 @@ def _is_locked(choice: np.void, what: int, c: int) -> bool:
 
 
 @kernel
-def _settle(body: np.void, slope: Any, still: float, omega: float, contacts: np.void, choice: np.void) -> None:
+def _apply_mode(body: np.void, slope: Any, still: float, omega: float, contacts: np.void, choice: np.void) -> None:
     """Take the best mode, and write which velocities stay zero in it."""
     for c in range(contacts["count"]):
         contacts["at"][c]["gap_still"] = contacts["at"][c]["slip_still"] = 0
@@ -671,10 +671,10 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
     """
     motion, contacts, choice = space["motion"], space["contacts"], space["choice"]
     _remember(contacts, choice)
-    frozen = space["frozen"] != 0.0
-    choice["rigid"], contacts["alike"] = 0.0, 0
-    if are_rigid(space["ground"]):  # all that touch lie on one straight side
-        choice["rigid"], contacts["alike"] = 1.0, 1
+    frozen = space["frozen"] != 0
+    choice["rigid"], contacts["slip_shared"] = 0.0, 0
+    if is_rigid(space["ground"]):  # all that touch lie on one straight side
+        choice["rigid"], contacts["slip_shared"] = 1.0, 1
         for c in range(1, contacts["count"]):
             contacts["at"][c]["slip"] = contacts["at"][0]["slip"]
             contacts["at"][c]["slip_left"] = contacts["at"][0]["slip_left"]
@@ -702,8 +702,8 @@ def choose(body: np.void, pieces: np.ndarray, slope: Any, space: np.void) -> boo
                     return True
                 _begin_to_move(body, contacts, choice)
             elif _search(body, slope, still, True, side, contacts, choice) <= SLIGHT * choice["scale"]:
-                _settle(body, slope, still, motion["omega"], contacts, choice)
+                _apply_mode(body, slope, still, motion["omega"], contacts, choice)
                 return True
         _search(body, slope, still, False, side, contacts, choice)
-    _settle(body, slope, still, motion["omega"], contacts, choice)
+    _apply_mode(body, slope, still, motion["omega"], contacts, choice)
     return False

@@ -71,7 +71,7 @@ def _write_place(body: np.void, pieces: np.ndarray, contact: np.void, row: np.vo
 def _slide_alike(one: np.void, other: np.void, size: float) -> bool:
     """Whether two contacts lie on one tangent: their slip is the same, and only the sum of their friction is known."""
     turned = abs(one["nx"] - other["nx"]) + abs(one["ny"] - other["ny"])
-    return bool(turned < NEARLY and abs(one["lt"] - other["lt"]) < NEARLY * size)
+    return bool(turned < NEARLY and abs(one["tangent_lever"] - other["tangent_lever"]) < NEARLY * size)
 
 
 @kernel
@@ -116,7 +116,7 @@ def _write_forces(body: np.void, pieces: np.ndarray, space: np.void, t: float, a
     row["slip_velocity"] = 0.0 if at_rest else value(s["of"][0]["slip"], t)
     slip = first["slip_sign"] if first["friction"] > 0.0 else sign_of(row["slip_velocity"])
     row["slip"] = 0 if first["slip_still"] != 0 or at_rest else slip
-    spin = contacts["spin_sign"] if first["arm"] > 0.0 else sign_of(row["omega"])
+    spin = contacts["spin_sign"] if first["rolling_arm"] > 0.0 else sign_of(row["omega"])
     row["spin"] = 0 if contacts["spin_still"] != 0 or at_rest else spin
     side = side_that_lies(body, contacts)
     row["feature"] = int(side if side != 0.0 else part_of(body, first))

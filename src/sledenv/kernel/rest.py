@@ -29,9 +29,9 @@ def _add_corner(body: np.void, slope: Any, contacts: np.void, choice: np.void, x
     x, y, turn = x * per_mass, y * per_mass, turn * per_inertia
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        nx, ny, ln, lt = contact["nx"], contact["ny"], contact["ln"], contact["lt"]
+        nx, ny, ln, lt = contact["nx"], contact["ny"], contact["normal_lever"], contact["tangent_lever"]
         along = ny * x - nx * y + lt * turn
-        pull, arm = -math.copysign(contact["friction"], along), -math.copysign(contact["arm"], turn)
+        pull, arm = -math.copysign(contact["friction"], along), -math.copysign(contact["rolling_arm"], turn)
         does = nx * x + ny * y + ln * turn + pull * along + arm * turn
         normal = (contact["closing"] if does < 0.0 else contact["opening"]) * choice["share"][c]["depth"]
         force = pull * normal

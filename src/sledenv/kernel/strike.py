@@ -16,14 +16,16 @@ from sledenv.kernel.frozen import hit_together
 from sledenv.kernel.geometry import ARC_PIECE, arc_number, place, velocities
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact, softened
 from sledenv.kernel.outline import arc_at
-from sledenv.kernel.params import Incline
-from sledenv.kernel.records import MOST_CONTACTS, RUNNING, STEP_BUDGET
+from sledenv.kernel.params import Incline, Limits
+from sledenv.kernel.rebound import end_rebound, gap_to, put_down, separate, touches_end
+from sledenv.kernel.records import MOST_CONTACTS, RUNNING, STEP_BUDGET, TUMBLED
 
 MOST_STRIKES: Final = 10000  # impacts without a flight between them
 NEARLY: Final = 1e-6  # of the size: stiff springs would touch with another point as close to the slope as this too
-DOWN: Final = 4e-15  # of the size: a gap this small is rounding
 LEVEL: Final = 1e-12  # of the size: a point this close to the slope touches
 JOLT: Final = 1e-12  # of the speed scale: approach of an impact that friction brings about
+CLEAR: Final = 1e-9  # of the loads: no mode that is violated by more holds
+AGAIN: Final = -1  # the contacts have changed: their mode is to be chosen anew
 MOST_NORMAL: Final = 1e9  # times the weight and the centrifugal forces
 
 
@@ -46,35 +48,11 @@ def most_normal(body: np.void, slope: Incline, rebound: np.void) -> float:
 def _move_along(motion: np.void, contact: np.void) -> None:
     """Give the body the gap rate and the slip of a contact."""
     nx, ny, omega = contact["nx"], contact["ny"], motion["omega"]
-    rate, slip = contact["gap_rate"] - contact["ln"] * omega, contact["slip"] - contact["lt"] * omega
+    rate, slip = (
+        contact["gap_rate"] - contact["normal_lever"] * omega,
+        contact["slip"] - contact["tangent_lever"] * omega,
+    )
     motion["u"], motion["v"] = nx * rate + ny * slip, ny * rate - nx * slip
-
-
-@kernel
-def _gap(body: np.void, pieces: np.ndarray, motion: np.void, arc: int, j: int) -> float:
-    """Gap [m] of an arc to a piece where the body is."""
-    piece, s, c = pieces[j], motion["sine"], motion["cosine"]
-    x, y = c * body["cx"][arc] - s * body["cy"][arc], s * body["cx"][arc] + c * body["cy"][arc]
-    x, y = x + (motion["x"] - piece["x"]), y + (motion["y"] - piece["y"])
-    return float(piece["tx"] * y - piece["ty"] * x - body["r"][arc])
-
-
-@kernel
-def _put_down(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
-    """Put a body exactly where a contact touches that has been placed, unless it is there but for rounding."""
-    gap = _gap(body, pieces, motion, contact["arc"], contact["piece"])
-    if abs(gap) > DOWN * body["size"]:
-        motion["x"], motion["y"] = motion["x"] - contact["nx"] * gap, motion["y"] - contact["ny"] * gap
-
-
-@kernel
-def put_on(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) -> None:
-    """Put the body exactly where a contact says: it has moved by series of its own."""
-    motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
-    place(body, pieces, motion, contact)
-    _put_down(body, pieces, motion, contact)
-    rate = contact["gap_rate"] - velocities(motion, contact)[0]
-    motion["u"], motion["v"] = motion["u"] + contact["nx"] * rate, motion["v"] + contact["ny"] * rate
 
 
 @kernel
@@ -85,14 +63,14 @@ def _add_near(body: np.void, pieces: np.ndarray, space: np.void) -> bool:
     lowest = arc_at(body, wrap(motion["phi"] - pieces[j]["tilt"]))
     if body["sinks"][lowest] != 0.0:
         return True
-    here = _gap(body, pieces, motion, contacts["at"][0]["arc"], j)
+    here = gap_to(body, pieces, motion, contacts["at"][0]["arc"], j)
     for other in (lowest, int(body["falling"][lowest]), int(body["rising"][lowest])):
         if other < 0 or contacts["count"] == MOST_CONTACTS:
             continue
         arc = arc_number(body, other)
         if touches_beside(body, contacts, arc, j):
             continue
-        apart = abs(_gap(body, pieces, motion, arc, j) - here)
+        apart = abs(gap_to(body, pieces, motion, arc, j) - here)
         if apart <= NEARLY * body["size"]:
             add(body, pieces, space, ARC_PIECE, arc, j)
             flat = flat and apart <= LEVEL * body["size"]
@@ -108,7 +86,11 @@ def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
         one = contacts["at"][c]
         for q in range(contacts["count"]):
             two = contacts["at"][q]
-            if body["length"][one["arc"]] > 0.0 and two["arc"] == (one["arc"] + 1) % arcs and two["ln"] < one["ln"]:
+            if (
+                body["length"][one["arc"]] > 0.0
+                and two["arc"] == (one["arc"] + 1) % arcs
+                and two["normal_lever"] < one["normal_lever"]
+            ):
                 relative, flat = wrap(motion["phi"] - pieces[one["piece"]]["tilt"]), body["high"][one["arc"]]
                 if abs(flat) == math.pi:  # and minus that, as in the mirror
                     flat = math.copysign(math.pi, relative)
@@ -116,7 +98,7 @@ def _lay_flat(body: np.void, pieces: np.ndarray, space: np.void) -> None:
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     first = contacts["at"][0]
     place(body, pieces, motion, first)
-    _put_down(body, pieces, motion, first)
+    put_down(body, pieces, motion, first)
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         place(body, pieces, motion, contact)
@@ -131,7 +113,12 @@ def _strike_one(body: np.void, slope: Incline, space: np.void) -> int:
     contact, motion, hit, ground = space["contacts"]["at"][0], space["motion"], space["hit"], space["ground"]
     rebound = space["rebound"]
     hit["size"], hit["per_mass"], hit["per_inertia"] = body["size"], 1.0 / body["mass"], 1.0 / body["inertia"]
-    hit["a"], hit["b"], hit["friction"], hit["arm"] = -contact["ln"], contact["lt"], contact["friction"], contact["arm"]
+    hit["a"], hit["b"], hit["friction"], hit["rolling_arm"] = (
+        -contact["normal_lever"],
+        contact["tangent_lever"],
+        contact["friction"],
+        contact["rolling_arm"],
+    )
     hit["v_n"], hit["v_t"], hit["omega"] = contact["gap_rate"], contact["slip"], motion["omega"]
     restitution = ground["restitution"][contact["zone"]]
     hit["restitution"] = softened(restitution, ground["settle_speed"], hit["v_n"], pressing(slope, motion, contact))
@@ -178,11 +165,11 @@ def _lie_down(body: np.void, space: np.void) -> None:
 @kernel
 def _slip_with(body: np.void, motion: np.void, contact: np.void, first: np.void) -> None:
     """Let a contact slip as the first one does, with its lever."""
-    contact["slip"], contact["lt"] = first["slip"], first["lt"]
+    contact["slip"], contact["tangent_lever"] = first["slip"], first["tangent_lever"]
     sine, cosine = motion["sine"], motion["cosine"]
-    level = contact["lt"] - body["r"][contact["arc"]]  # of the centre of its arc
-    contact["gs"] = contact["ln"] * cosine - level * sine
-    contact["gc"] = -contact["ln"] * sine - level * cosine
+    level = contact["tangent_lever"] - body["r"][contact["arc"]]  # of the centre of its arc
+    contact["gs"] = contact["normal_lever"] * cosine - level * sine
+    contact["gc"] = -contact["normal_lever"] * sine - level * cosine
 
 
 @kernel
@@ -193,7 +180,7 @@ def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.voi
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
         fastest = max(fastest, abs(contact["gap_rate"]))
-        left, right = left or contact["ln"] < 0.0, right or contact["ln"] > 0.0
+        left, right = left or contact["normal_lever"] < 0.0, right or contact["normal_lever"] > 0.0
         closes = closes or contact["gap_rate"] < 0.0
         _slip_with(body, motion, contact, contacts["at"][0])
     settles = pressing(slope, motion, contacts["at"][0]) > 0.0 and fastest < space["ground"]["settle_speed"]
@@ -210,7 +197,7 @@ def _strike_all(body: np.void, pieces: np.ndarray, slope: Incline, space: np.voi
 
 
 @kernel
-def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, space: np.void) -> int:
+def _strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, space: np.void) -> int:
     """Let rigid surfaces hit each other at the points that touch; then drop those that do not stay.
 
     Parameters
@@ -229,8 +216,8 @@ def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, spac
         RUNNING or STEP_BUDGET.
     """
     contacts, motion, rebound = space["contacts"], space["motion"], space["rebound"]
-    space["strikes"] += 1.0
-    space["undecided"] = 1.0
+    space["strikes"] += 1
+    space["undecided"] = 1
     if space["strikes"] > MOST_STRIKES:
         return STEP_BUDGET
     first, flat = contacts["at"][0], True
@@ -243,7 +230,7 @@ def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, spac
     else:
         flat = _add_near(body, pieces, space)
     if contacts["count"] == 1:
-        _put_down(body, pieces, motion, first)
+        put_down(body, pieces, motion, first)
         return _strike_one(body, slope, space)
     if rebound["side"] == 0.0:
         rebound["side"] = side_that_lies(body, contacts)
@@ -257,8 +244,67 @@ def strike(body: np.void, pieces: np.ndarray, slope: Incline, jolted: bool, spac
 
 
 @kernel
-def drop_moving(contacts: np.void) -> None:
+def _drop_moving(contacts: np.void) -> None:
     """Take the contacts off the list whose gap is not still; one that closes will touch anew."""
     for c in range(contacts["count"] - 1, -1, -1):
         if contacts["at"][c]["gap_rate"] != 0.0:
             drop(contacts, c)
+
+
+@kernel
+def strike(
+    body: np.void,
+    pieces: np.ndarray,
+    slope: Incline,
+    limits: Limits,
+    jolted: bool,
+    flight: np.void,
+    log: np.ndarray,
+    space: np.void,
+) -> int:
+    """Let rigid surfaces hit each other, and go on with what stays in contact; return the status."""
+    contacts = space["contacts"]
+    status = _strike(body, pieces, slope, jolted, space)
+    space["event"]["time"] = 0.0
+    if status != RUNNING:
+        return status
+    if touches_end(body, limits, space):
+        return TUMBLED
+    slip = contacts["at"][0]["slip"]
+    _drop_moving(contacts)
+    return RUNNING if contacts["count"] > 0 else end_rebound(body, limits, slip, flight, log, space)
+
+
+@kernel
+def release_or_strike(
+    body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, flight: np.void, log: np.ndarray, space: np.void
+) -> int:
+    """Let rigid contacts go that the chosen mode does not hold; an impact follows where no finite load holds them.
+
+    Returns RUNNING if all are held, AGAIN if a mode is to be chosen anew, or the status with which the descent ends.
+    """
+    contacts, choice, motion = space["contacts"], space["choice"], space["motion"]
+    leaving, count = 0, contacts["count"]
+    for c in range(count):
+        leaving += 1 if contacts["at"][c]["gap_sign"] > 0 else 0
+    fails = choice["wrong"] > CLEAR * choice["scale"]
+    if leaving == 0 and not fails:
+        return RUNNING
+    jolted = False
+    if leaving == count or fails:
+        jolted = slope.inward > 0.0 if count > 1 else pressing(slope, motion, contacts["at"][0]) > 0.0
+        if jolted and count > 1:  # friction tips the body over the point ahead
+            ahead = 0
+            for c in range(count):
+                if contacts["at"][c]["normal_lever"] * contacts["at"][c]["slip"] > 0.0:
+                    ahead = c
+            contacts["at"][0] = contacts["at"][ahead]
+            contacts["count"] = 1
+    if jolted:
+        status = strike(body, pieces, slope, limits, True, flight, log, space)
+    else:
+        status = RUNNING
+        for c in range(count - 1, -1, -1):
+            if status == RUNNING and (fails or contacts["at"][c]["gap_sign"] > 0):
+                status = separate(body, pieces, limits, c, flight, log, space)
+    return AGAIN if status == RUNNING else status

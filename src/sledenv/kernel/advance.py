@@ -14,7 +14,7 @@ AT_SURFACE = 1e-15  # of the size: a gap this small is that of a contact which h
 
 
 @kernel
-def carry_contacts(body: np.void, t: float, space: np.void) -> bool:
+def advance_contacts(body: np.void, t: float, space: np.void) -> bool:
     """Carry the contacts along to the end of a step [s]; return whether a velocity has passed zero by rounding.
 
     Of two events at the same time the later one must not leave its velocity with the wrong sign.
@@ -38,7 +38,7 @@ def carry_contacts(body: np.void, t: float, space: np.void) -> bool:
         elastic = contact["closing"] == contact["opening"]
         if contact["gap_sign"] * contact["gap_rate"] < 0.0 and not elastic:
             contact["gap_rate"], passed = 0.0, True
-        rubs = contact["friction"] > 0.0 or (contacts["alike"] != 0 and all_friction(contacts) > 0.0)
+        rubs = contact["friction"] > 0.0 or (contacts["slip_shared"] != 0 and all_friction(contacts) > 0.0)
         if contact["slip_sign"] * contact["slip"] < 0.0 and rubs:
             contact["slip"], passed = 0.0, True
     contacts["spin_left"] = 0
@@ -46,7 +46,7 @@ def carry_contacts(body: np.void, t: float, space: np.void) -> bool:
     if contacts["spin_sign"] * motion["omega"] < 0.0:
         arms = 0.0
         for c in range(contacts["count"]):
-            arms += contacts["at"][c]["arm"]
+            arms += contacts["at"][c]["rolling_arm"]
         if arms > 0.0:
             motion["omega"], passed = 0.0, True
     return passed
