@@ -59,7 +59,8 @@ class Settings:
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
         1e-5 sqrt(gravity times the size of the body) by default. 0 follows the bounces until the log is full.
     tolerance : float
-        Last terms of the series of a contact step, relative to the speed scale of the contact ("compliant").
+        Ten times the first terms that the series of a contact step leave out, relative to the speed of the body
+        ("compliant").
     sample_interval : float
         Longest time [s] between two rows of a trajectory; contacts are sampled more densely.
 
