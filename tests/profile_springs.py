@@ -1,7 +1,8 @@
 """Rounded bodies on springs over a profile, by geometry alone: slow, obvious, an oracle.
 
-It remembers nothing of a contact. At each instant it lists which arc is in which piece of the ground, which crest is in
-which arc or under which side (docs/physics.md, section 12), presses each pair by its depth and sums the forces:
+It remembers nothing of a contact. At each instant it lists which arc is in which piece of the ground or in which round
+dip, and which crest, sharp or round, is in which arc or under which side (docs/physics.md, section 12), presses each
+pair by its depth and sums the forces:
 
     N = k x,  k = k_close while the gap closes and k_open while it opens;   F = -f N sgn(slip);   M = -arm N sgn(spin)
 
@@ -17,6 +18,7 @@ oracle.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -25,7 +27,8 @@ from numba import njit
 from sledenv import Body, ContactLaw
 
 CX, CY, R, MIDDLE, HALF, BEFORE, AFTER, SX, SY, DX, DY, LENGTH = range(12)  # of a row for an arc and the side behind it
-PX, PY, TX, TY, FIRST, LAST = range(6)  # of a row for a piece, of a crest: p and the tangents before and behind it
+PX, PY, TX, TY = range(4)  # of a row for a piece
+QX, QY, RHO, FX, FY, HX, HY, FROMX, FROMY, UPTOX, UPTOY = range(11)  # of a bend: centre, tangents, begin and end
 CLOSING, OPENING, FRICTION, ARM, MASS, INERTIA, SIZE, GX, GY, LAYER = range(10)  # of the constants
 WHICH, GAP, RATE, SLIP, NX, NY, LX, LY = range(8)  # of a pair that touches
 MOST = 32  # pairs
@@ -52,7 +55,9 @@ class Scene(NamedTuple):
 
     arcs: np.ndarray
     pieces: np.ndarray
-    crests: np.ndarray
+    reach: np.ndarray  # (pieces, arcs, 2) between which places along a piece [m] the foot of an arc may lie
+    crests: np.ndarray  # bends, the sharp ones with radius 0
+    hollows: np.ndarray
 
 
 class Passage(NamedTuple):
@@ -63,8 +68,8 @@ class Passage(NamedTuple):
     done: bool  # whether that was all; if not, the steps were used up: a body that sticks or lies takes many
 
 
-def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
-    """Return the tables of a body without corners over a profile."""
+def scene(body: Body, profile: list[tuple[float, float]], rounding: Sequence[float] = ()) -> Scene:
+    """Return the tables of a body without corners over a profile, whose vertices have radii [m], or none."""
     count = len(body.arcs)
     arcs = np.zeros((count, 12))
     for k, arc in enumerate(body.arcs):
@@ -80,21 +85,38 @@ def scene(body: Body, profile: list[tuple[float, float]]) -> Scene:
     arcs[:, BEFORE] = np.roll(arcs[:, AFTER], 1)
     points = np.array(profile, float)
     along = np.diff(points, axis=0)
-    tangents = np.vstack([[1.0, 0.0], along / np.hypot(*along.T)[:, np.newaxis], [1.0, 0.0]])
+    lengths = np.hypot(*along.T)
+    tangents = np.vstack([[1.0, 0.0], along / lengths[:, np.newaxis], [1.0, 0.0]])
     turns = tangents[:-1, 0] * tangents[1:, 1] - tangents[:-1, 1] * tangents[1:, 0]
-    pieces = np.zeros((len(tangents), 6))
-    for j, tangent in enumerate(tangents):
-        i = k = j
-        while i > 0 and turns[i - 1] > 0.0:
-            i -= 1
-        while k < len(turns) and turns[k] > 0.0:
-            k += 1
-        start = points[max(j - 1, 0)]
-        first = (points[i - 1] - start) @ tangent if i > 0 else -math.inf
-        last = (points[k] - start) @ tangent if k < len(turns) else math.inf
-        pieces[j] = *start, *tangent, first, last
-    crests = [[*points[k], *tangents[k], *tangents[k + 1]] for k in range(len(points)) if turns[k] < 0.0]
-    return Scene(arcs, pieces, np.array(crests).reshape(-1, 6))
+    bends = np.array(list(bends_at(points, tangents, lengths, turns, rounding))).reshape(-1, 11)
+    pieces = np.column_stack([points[np.maximum(np.arange(len(tangents)) - 1, 0)], tangents])
+    reach = np.zeros((len(pieces), count, 2))
+    for j, piece in enumerate(pieces):
+        for a in range(count):
+            # A dip that is no rounder than the arc bounds no line: both are touched across it.
+            ends = (turns <= 0.0) | (bends[:, RHO] > arcs[a, R])
+            before, behind = np.flatnonzero(ends[:j]), j + np.flatnonzero(ends[j:])
+            first = (bends[before[-1], UPTOX:] - piece[:TX]) @ piece[TX:] if len(before) else -math.inf
+            last = (bends[behind[0], FROMX:UPTOX] - piece[:TX]) @ piece[TX:] if len(behind) else math.inf
+            reach[j, a] = first, last
+    return Scene(arcs, pieces, reach, bends[turns < 0.0], bends[(turns > 0.0) & (bends[:, RHO] > 0.0)])
+
+
+def bends_at(
+    points: np.ndarray, tangents: np.ndarray, lengths: np.ndarray, turns: np.ndarray, rounding: Sequence[float]
+) -> Iterator[list[float]]:
+    """Return a row for the bend at each vertex: the arc that touches both pieces, or the vertex with radius 0."""
+    free = np.r_[math.inf, lengths, math.inf]
+    for k, point in enumerate(points):
+        half = math.tan(0.5 * math.asin(abs(turns[k]))) if tangents[k] @ tangents[k + 1] > 0.0 else math.nan
+        if math.isnan(half):  # more than a right angle
+            half = 1.0 / math.tan(0.5 * math.asin(abs(turns[k])))
+        span = min((rounding[k] if len(rounding) else 0.0) * half, 0.49 * min(free[k], free[k + 1]))
+        radius = span / half if span > 0.0 else 0.0
+        begin, end = point - span * tangents[k], point + span * tangents[k + 1]
+        normal = np.array([-tangents[k, 1], tangents[k, 0]])
+        centre = begin + math.copysign(radius, turns[k]) * normal
+        yield [*centre, radius, *tangents[k], *tangents[k + 1], *begin, *end]
 
 
 JOIN = 1e-11  # [rad], [m] by which features overlap, so that rounding leaves no crest between two
@@ -122,7 +144,63 @@ def height_over(piece, x, y):
 
 
 @njit(cache=True)
-def touching(arcs, pieces, crests, z, size, pairs):
+def nearest(arcs, bx, by):
+    """Gap to the feature that is next to a place in the body: of all whose reach it is in; 500 more for sides."""
+    least, which = -math.inf, -1
+    for a in range(len(arcs)):
+        arc = arcs[a]
+        ex, ey = bx - arc[CX], by - arc[CY]
+        gap = math.sqrt(ex * ex + ey * ey) - arc[R]
+        if gap > least and abs(turned(math.atan2(-ex, -ey) - arc[MIDDLE])) <= arc[HALF] + JOIN:
+            least, which = gap, a
+        ex, ey = bx - arc[SX], by - arc[SY]
+        gap, along = -arc[DY] * ex + arc[DX] * ey, arc[DX] * ex + arc[DY] * ey
+        if arc[LENGTH] > 0.0 and gap > least and along >= -JOIN and along <= arc[LENGTH] + JOIN:
+            least, which = gap, 500 + a
+    return least, which
+
+
+@njit(cache=True)
+def on_crest(arcs, crest, code, z, S, C, pairs, count):
+    """List what a crest is in: an arc or a side; a side that leans beyond a piece, with the point where that ends."""
+    for part in range(3 if crest[RHO] > 0.0 else 1):
+        qx = crest[QX] if part == 0 else (crest[FROMX] if part == 1 else crest[UPTOX])
+        qy = crest[QY] if part == 0 else (crest[FROMY] if part == 1 else crest[UPTOY])
+        rho = crest[RHO] if part == 0 else 0.0
+        dx, dy = qx - z[0], qy - z[1]
+        away, which = nearest(arcs, C * dx + S * dy, -S * dx + C * dy)
+        gap = away - rho
+        if which < 0 or gap >= 0.0 or (which < 500 and part > 0):
+            continue
+        arc = arcs[which % 500]
+        if which < 500:
+            rx, ry = C * arc[CX] - S * arc[CY], S * arc[CX] + C * arc[CY]
+            nx, ny = (rx - dx) / (away + arc[R]), (ry - dy) / (away + arc[R])
+        else:
+            nx, ny = C * arc[DY] + S * arc[DX], S * arc[DY] - C * arc[DX]
+        before, behind = nx * crest[FX] + ny * crest[FY], nx * crest[HX] + ny * crest[HY]
+        leans = 1 if before < 0.0 else (2 if behind > 0.0 else 0)
+        if which < 500:
+            if leans == 0:  # otherwise one of the pieces beside the crest faces the arc
+                return add(pairs, count, code + which, gap, nx, ny, rx - arc[R] * nx, ry - arc[R] * ny, z)
+        elif leans == part or crest[RHO] == 0.0:
+            return add(pairs, count, code + which, gap, nx, ny, dx + away * nx, dy + away * ny, z)
+    return count
+
+
+@njit(cache=True)
+def faces_hollow(arcs, a, rho, off):
+    """Whether an arc touches a round dip with what faces it, beyond its ends only where no other can."""
+    arc = arcs[a]
+    if abs(off) <= arc[HALF]:
+        return True
+    if off > 0.0:
+        return arc[AFTER] == 0.0 or arcs[(a + 1) % len(arcs), R] >= rho
+    return arc[BEFORE] == 0.0 or arcs[(a - 1) % len(arcs), R] >= rho
+
+
+@njit(cache=True)
+def touching(arcs, pieces, reach, crests, hollows, z, size, pairs):
     """List all pairs that are closed at (x, y, phi, u, v, omega); return how many."""
     count = 0
     x, y, S, C = z[0], z[1], math.sin(z[2]), math.cos(z[2])
@@ -142,42 +220,36 @@ def touching(arcs, pieces, crests, z, size, pairs):
             rx, ry = C * arc[CX] - S * arc[CY], S * arc[CX] + C * arc[CY]
             cx, cy = x + rx - piece[PX], y + ry - piece[PY]
             gap, foot = nx * cx + ny * cy - arc[R], piece[TX] * cx + piece[TY] * cy
-            if gap >= 0.0 or foot < piece[FIRST] or foot > piece[LAST]:
+            if gap >= 0.0 or foot < reach[j, a, 0] or foot > reach[j, a, 1]:
                 continue
             off = turned(z[2] - tilt - arc[MIDDLE])
             if (off < -arc[HALF] and arc[BEFORE] == 1.0) or (off >= arc[HALF] and arc[AFTER] == 1.0):
                 continue
             count = add(pairs, count, 1000 * j + a, gap, nx, ny, rx - arc[R] * nx, ry - arc[R] * ny, z)
-    for k in range(len(crests)):
-        crest = crests[k]
-        dx, dy = crest[PX] - x, crest[PY] - y
-        if dx * dx + dy * dy > size * size:
+    for k in range(len(hollows)):
+        bend, code = hollows[k], 1000 * (len(pieces) + k)
+        dx, dy = bend[QX] - x, bend[QY] - y
+        if dx * dx + dy * dy < max(bend[RHO] - size, 0.0) ** 2:
             continue
-        bx, by = C * dx + S * dy, -S * dx + C * dy
-        least, which = -math.inf, -1  # the feature that is next to the crest: of all whose reach it is in
         for a in range(len(arcs)):
             arc = arcs[a]
-            ex, ey = bx - arc[CX], by - arc[CY]
-            gap = math.sqrt(ex * ex + ey * ey) - arc[R]
-            if gap > least and abs(turned(math.atan2(-ex, -ey) - arc[MIDDLE])) <= arc[HALF] + JOIN:
-                least, which = gap, a
-            ex, ey = bx - arc[SX], by - arc[SY]
-            gap, along = -arc[DY] * ex + arc[DX] * ey, arc[DX] * ex + arc[DY] * ey
-            if arc[LENGTH] > 0.0 and gap > least and along >= -JOIN and along <= arc[LENGTH] + JOIN:
-                least, which = gap, 500 + a
-        if which < 0 or least >= 0.0:
-            continue
-        arc = arcs[which % 500]
-        if which < 500:
             rx, ry = C * arc[CX] - S * arc[CY], S * arc[CX] + C * arc[CY]
-            nx, ny = (rx - dx) / (least + arc[R]), (ry - dy) / (least + arc[R])
-            if nx * crest[TX] + ny * crest[TY] < 0.0 or nx * crest[FIRST] + ny * crest[LAST] > 0.0:
-                continue  # one of the pieces beside the crest faces the arc
-            lx, ly = rx - arc[R] * nx, ry - arc[R] * ny
-        else:
-            nx, ny = C * arc[DY] + S * arc[DX], S * arc[DY] - C * arc[DX]
-            lx, ly = dx + least * nx, dy + least * ny
-        count = add(pairs, count, 1000 * (len(pieces) + k) + which, least, nx, ny, lx, ly, z)
+            ex, ey = dx - rx, dy - ry
+            away = math.sqrt(ex * ex + ey * ey)
+            gap = bend[RHO] - away - arc[R]
+            if gap >= 0.0 or arc[R] >= bend[RHO]:
+                continue
+            nx, ny = ex / away, ey / away
+            # A foot on the bend is ahead of where it begins, and not ahead of where it ends.
+            if nx * bend[FX] + ny * bend[FY] >= 0.0 or nx * bend[HX] + ny * bend[HY] <= 0.0:
+                continue
+            if not faces_hollow(arcs, a, bend[RHO], turned(z[2] - math.atan2(-nx, ny) - arc[MIDDLE])):
+                continue
+            count = add(pairs, count, code + a, gap, nx, ny, rx - arc[R] * nx, ry - arc[R] * ny, z)
+    for k in range(len(crests)):
+        dx, dy = crests[k, QX] - x, crests[k, QY] - y
+        if dx * dx + dy * dy <= (size + crests[k, RHO]) ** 2:
+            count = on_crest(arcs, crests[k], 1000 * (len(pieces) + len(hollows) + k), z, S, C, pairs, count)
     return count
 
 
@@ -187,9 +259,9 @@ def sign(speed, layer):
 
 
 @njit(cache=True)
-def slope_of(arcs, pieces, crests, law, z, pairs, out):
+def slope_of(arcs, pieces, reach, crests, hollows, law, z, pairs, out):
     """Rates of (x, y, phi, u, v, omega); return how many pairs touch."""
-    count = touching(arcs, pieces, crests, z, law[SIZE], pairs)
+    count = touching(arcs, pieces, reach, crests, hollows, z, law[SIZE], pairs)
     fx, fy, moment = law[MASS] * law[GX], law[MASS] * law[GY], 0.0
     for i in range(count):
         p = pairs[i]
@@ -234,14 +306,14 @@ def held(pairs, count, which):
 
 
 @njit(cache=True)
-def integrate(arcs, pieces, crests, law, z, contacts, max_time, steps, rows):
+def integrate(arcs, pieces, reach, crests, hollows, law, z, contacts, max_time, steps, rows):
     """Follow a body until it has left the ground some times; return how many times, and the energy jumped."""
     rates, stage, after = np.zeros((7, 6)), np.zeros(6), np.zeros(6)
     pairs, now, trial = np.zeros((MOST, 8)), np.zeros((MOST, 8)), np.zeros((MOST, 8))
     frequency = math.sqrt(law[CLOSING] / law[MASS])
     longest = 0.1 / frequency
     t, step, found, jumped = 0.0, 1e-3 * longest, 0, 0.0
-    count = slope_of(arcs, pieces, crests, law, z, now, rates[0])
+    count = slope_of(arcs, pieces, reach, crests, hollows, law, z, now, rates[0])
     while t < max_time and found < contacts and steps > 0:
         steps -= 1
         for i in range(1, 7):
@@ -250,7 +322,8 @@ def integrate(arcs, pieces, crests, law, z, contacts, max_time, steps, rows):
                 for k in range(i):
                     total += A[i, k] * rates[k, q]
                 stage[q] = z[q] + step * total
-            reached = slope_of(arcs, pieces, crests, law, stage, trial if i == 6 else pairs, rates[i])
+            into = trial if i == 6 else pairs
+            reached = slope_of(arcs, pieces, reach, crests, hollows, law, stage, into, rates[i])
         after[:] = stage
         error = 0.0
         speed = max(abs(z[3]), abs(z[4]), law[SIZE] * abs(z[5]), math.sqrt(9.81 * law[SIZE]))
@@ -290,37 +363,40 @@ def follow(
     max_time: float,
     layer: float,
     steps: int,
+    rounding: Sequence[float] = (),
 ) -> Passage:
     """Follow a launch (x, y, phi, u, v, omega) until the body has left the ground ``contacts`` times."""
     given = (law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry), law.friction)
     constants = np.array([*given, law.rolling_arm, body.mass, body.inertia, body.size, *gravity, layer])
     rows = np.zeros((contacts, 7))
     found, jumped, done = integrate(
-        *scene(body, profile), constants, np.array(launch, float), contacts, max_time, steps, rows
+        *scene(body, profile, rounding), constants, np.array(launch, float), contacts, max_time, steps, rows
     )
     return Passage(rows[:found], jumped, done)
 
 
 def depths(tables: Scene, poses: np.ndarray, size: float) -> np.ndarray:
-    """How deep arcs are in pieces, and crests in the body [m], at poses (N, 3) of x, y, phi: shape (N, 2)."""
+    """How deep arcs are in pieces and dips, and crests in the body [m], at poses (N, 3) of x, y, phi: shape (N, 2)."""
     deepest = np.zeros((len(poses), 2))
     _depths(*tables, np.ascontiguousarray(poses, float), size, deepest)
     return deepest
 
 
 @njit(cache=True)
-def _depths(arcs, pieces, crests, poses, size, deepest):
+def _depths(arcs, pieces, reach, crests, hollows, poses, size, deepest):
     pairs, z = np.zeros((MOST, 8)), np.zeros(6)
     for i in range(len(poses)):
         z[:3] = poses[i]
-        for k in range(touching(arcs, pieces, crests, z, size, pairs)):
-            column = 0 if pairs[k, WHICH] < 1000 * len(pieces) else 1
+        for k in range(touching(arcs, pieces, reach, crests, hollows, z, size, pairs)):
+            column = 0 if pairs[k, WHICH] < 1000 * (len(pieces) + len(hollows)) else 1
             deepest[i, column] = max(deepest[i, column], -pairs[k, GAP])
 
 
-def resting_height(body: Body, profile: list[tuple[float, float]], x: float, phi: float) -> float:
+def resting_height(
+    body: Body, profile: list[tuple[float, float]], x: float, phi: float, rounding: Sequence[float] = ()
+) -> float:
     """Height [m] of the mass centre where the body just touches the ground at a place and an orientation."""
-    tables = scene(body, profile)
+    tables = scene(body, profile, rounding)
     low, high = min(y for _, y in profile) - body.size, max(y for _, y in profile) + 2.0 * body.size
     for _ in range(80):
         middle = 0.5 * (low + high)
