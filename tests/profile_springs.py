@@ -144,6 +144,22 @@ def height_over(piece, x, y):
 
 
 @njit(cache=True)
+def over_ground(pieces, crests, hollows, x, y):
+    """Return how far a place is over the ground: only the sign counts."""
+    over = height_over(pieces[0], x, y)
+    for j in range(1, len(pieces)):
+        if pieces[j, PX] <= x:
+            over = height_over(pieces[j], x, y)
+    for bend in crests:
+        if bend[FROMX] < x < bend[UPTOX]:
+            over = y - bend[QY] - math.sqrt(bend[RHO] ** 2 - (x - bend[QX]) ** 2)
+    for bend in hollows:
+        if bend[FROMX] < x < bend[UPTOX]:
+            over = y - bend[QY] + math.sqrt(bend[RHO] ** 2 - (x - bend[QX]) ** 2)
+    return over
+
+
+@njit(cache=True)
 def nearest(arcs, bx, by):
     """Gap to the feature that is next to a place in the body: of all whose reach it is in; 500 more for sides."""
     least, which = -math.inf, -1
@@ -204,10 +220,7 @@ def touching(arcs, pieces, reach, crests, hollows, z, size, pairs):
     """List all pairs that are closed at (x, y, phi, u, v, omega); return how many."""
     count = 0
     x, y, S, C = z[0], z[1], math.sin(z[2]), math.cos(z[2])
-    over = height_over(pieces[0], x, y)
-    for j in range(1, len(pieces)):
-        if pieces[j, PX] <= x:
-            over = height_over(pieces[j], x, y)
+    over = over_ground(pieces, crests, hollows, x, y)
     for j in range(len(pieces)):
         piece = pieces[j]
         nx, ny = -piece[TY], piece[TX]

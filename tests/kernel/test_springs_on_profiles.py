@@ -24,10 +24,13 @@ MANY = 200
 # A block comes down on a crest that is in it already when it comes under the side.
 EXCEPTED = {"block, hills, seed (3, 30)", "block, dips, seed (3, 99)", "block, dips, seed (3, 141)"}
 
-# The same over round bends: those of each body that cost least.
+# The same over round bends, which most of the few touch: of each body those that cost least.
 ROUND = ("sled", "disc", "eccentric_disc", "rod", "crate", "hexagon", "rock", "hull_of_two", "hull_of_three")
-FEW_ROUND = (0, 6, 7, 10, 14, 21, 22, 44, 47, 52, 57, 59)
+FEW_ROUND = (7, 14, 16, 25, 37, 39, 40, 44, 61, 63, 65, 78, 81)
 MANY_ROUND = 100
+FINEST = {2.5e-6: 12_000_000}  # the layer where even the finer one is too coarse: of bodies that roll or stick for long
+# An arc comes to where a side touches the end of a bend already, and two become one.
+EXCEPTED_ROUND = {"crate, number 22", "sled, number 27", "hull_of_two, number 88"}
 
 
 def case_of(number: int) -> Case:
@@ -35,14 +38,14 @@ def case_of(number: int) -> Case:
 
 
 def round_case_of(number: int) -> Case:
-    """Return a case of its own for each number: round crests and dips, sharp ones among them, one in five all sharp."""
+    """Return a case of its own for each number: round crests and dips, sharp ones among them, one in ten all sharp."""
     rng = np.random.default_rng((5, number))
     kind, ground = ROUND[number % len(ROUND)], (bumps, dips, hills)
     body, profile = BODIES[kind](rng, log_uniform(rng, 0.2, 1.0)), ground[rng.integers(len(ground))](rng)
-    largest = log_uniform(rng, 0.05 * body.size, 10.0)
-    radii = [0.0 if rng.random() < 0.25 else log_uniform(rng, 0.02 * body.size, largest) for _ in profile]
+    largest = log_uniform(rng, 0.1 * body.size, 100.0)
+    radii = [0.0 if rng.random() < 0.25 else log_uniform(rng, 0.05 * body.size, largest) for _ in profile]
     given: tuple[float | list[float], ...] = 0.0, largest, radii
-    rounding = given[rng.choice(3, p=[0.2, 0.4, 0.4])]
+    rounding = given[rng.choice(3, p=[0.1, 0.5, 0.4])]
     friction, arm = float(rng.choice([0.0, 0.02, 0.3, 1.0])), float(body.size * rng.choice([0.0, 0.002, 0.02]))
     law = sledenv.ContactLaw.from_restitution(
         rng.uniform(0.05, 0.9),
@@ -52,10 +55,10 @@ def round_case_of(number: int) -> Case:
         corner_rolling_arm=arm,
     )
     slope = sledenv.Slope(rng.uniform(0.0, 0.25), profile=profile, rounding=rounding)
-    phi, drop = rng.uniform(-3.0, 3.0), rng.uniform(0.0, 1.0)
-    height = resting_height(body, list(slope.profile), 0.0, phi, slope.rounding) + drop
+    x, phi, drop = rng.uniform([3.0, -3.0, 0.0], [20.0, 3.0, 1.0]).tolist()
+    height = resting_height(body, list(slope.profile), x, phi, slope.rounding) + drop
     rates = rng.uniform([0.0, -3.0, -6.0], [10.0, 1.0, 6.0]).tolist()
-    return Case(f"{kind}, number {number}", body, law, slope, sledenv.State(0.0, height, phi, *rates))
+    return Case(f"{kind}, number {number}", body, law, slope, sledenv.State(x, height, phi, *rates))
 
 
 class Springs(NamedTuple):
@@ -66,10 +69,10 @@ class Springs(NamedTuple):
     done: bool
 
 
-def on_springs(case: Case, layer: float) -> Springs:
+def on_springs(case: Case, layer: float, steps: int) -> Springs:
     body, law, slope, launch = case[1:]
     given = body, law, gravity_of(slope), list(slope.profile), tuple(launch)
-    ends: dict[str, Any] = {"contacts": CONTACTS, "max_time": TIME, "steps": LAYERS[layer], "rounding": slope.rounding}
+    ends: dict[str, Any] = {"contacts": CONTACTS, "max_time": TIME, "steps": steps, "rounding": slope.rounding}
     one, half = (follow(*given, layer=share * layer, **ends) for share in (1.0, 0.5))
     count = min(len(one.rows), len(half.rows))
     found = (2.0 * half.rows[:count, 4:] - one.rows[:count, 4:]) * [1.0, 1.0, body.size]
@@ -77,7 +80,7 @@ def on_springs(case: Case, layer: float) -> Springs:
     return Springs(found, max(one.jumped, half.jumped) / energy, one.done and half.done)
 
 
-def disagreement(case: Case) -> float:
+def disagreement(case: Case, layers: dict[float, int] = LAYERS) -> float:
     """Largest difference of velocities after a contact, over the fastest one; -1 if geometry creates energy."""
     descent = sledenv.simulate(*case[1:], max_time=TIME, max_rebounds=CONTACTS)
     rows = descent.rebounds
@@ -85,8 +88,8 @@ def disagreement(case: Case) -> float:
         rows = rows[:-1]  # a contact that lasts on
     ours = np.column_stack([rows["u_after"], rows["v_after"], rows["omega_after"] * case.body.size])
     found = np.inf
-    for layer in LAYERS:
-        springs = on_springs(case, layer)
+    for layer, steps in layers.items():
+        springs = on_springs(case, layer, steps)
         if springs.created > CREATED:
             return -1.0
         count = len(springs.velocities)
@@ -126,10 +129,12 @@ def test_velocities_on_round_ground_are_those_of_springs(number: int) -> None:
 @pytest.mark.slow
 @pytest.mark.jit_only
 def test_many_rides_over_round_ground_are_those_of_springs() -> None:
-    """Oracle: tests/profile_springs.py; in none of these geometry alone creates energy."""
-    found = {case.name: disagreement(case) for case in map(round_case_of, range(MANY_ROUND))}
-    assert {name: value for name, value in found.items() if not 0.0 <= value <= COARSE} == {}
+    """Oracle: tests/profile_springs.py. What is excepted is named: there geometry alone creates energy."""
+    cases = map(round_case_of, range(MANY_ROUND))
+    found = {case.name: disagreement(case, LAYERS | FINEST) for case in cases}
+    assert {name for name, value in found.items() if value < 0.0} == EXCEPTED_ROUND
+    assert {name: value for name, value in found.items() if value > COARSE} == {}
     unsure = {name: value for name, value in found.items() if value > AGREED}
     assert len(unsure) <= 0.05 * MANY_ROUND, unsure
-    # Of a few that come to lie, springs that creep do not come to an end.
-    assert sum(value == 0.0 for value in found.values()) <= 0.1 * MANY_ROUND
+    # Springs that creep take too many steps under a few bodies that come to lie: there nothing is compared.
+    assert sum(value == 0.0 for value in found.values()) <= 0.05 * MANY_ROUND

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import sys
+import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
 
@@ -13,6 +15,7 @@ from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, Law, Limits, RigidLaw
 from sledenv.simulation.bodies import Body, made_body, records_of
+from sledenv.simulation.fineness import too_fine
 from sledenv.simulation.lanes import Tables, check_room
 from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
 from sledenv.simulation.scene import (
@@ -119,6 +122,7 @@ def _allowed(names: _Names, lanes: CheckedLanes, settings: Settings) -> CheckedL
     _check_bounce(names, lanes, settings.solver)
     _check_ground(names, lanes, settings.solver)
     _admit(names, lanes)
+    _warn_of_fine_ground(names, lanes)
     return _stiff_limit(lanes, settings.settle_speed) if settings.solver == "rigid" else lanes
 
 
@@ -281,6 +285,26 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
             "where the profile of the slope has sharp crests; polygon(..., rounding=...) rounds corners, "
             "Slope(..., rounding=...) crests"
         )
+
+
+def _warn_of_fine_ground(names: _Names, lanes: CheckedLanes) -> None:
+    """Warn of a polyline that is cut too finely for a body and a stiffness, where the user calls the package."""
+    if lanes.tracks.is_plane:
+        return
+    found = too_fine(lanes.bodies, lanes.laws, lanes.slopes, lanes.tracks)
+    if found is None:
+        return
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith("sledenv."):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(
+        f"{names.slope.format(lane=found.lane)}.profile is cut too finely around x = {found.x:.6g} m: its weight "
+        f"presses {names.body.format(lane=found.lane)} in by {found.depth:.3g} m, pieces there allow "
+        f"{found.allowed:.3g} m; so many pieces bear it at once, as stiff as many springs. Slope(..., "
+        "rounding=math.inf) makes them arcs; simulation.smoothing.fit_ground, or slope.tolerance_m in a scenario, "
+        "fits few arcs",
+        stacklevel=level,
+    )
 
 
 def has_sharp_corner(bodies: np.ndarray) -> np.ndarray:

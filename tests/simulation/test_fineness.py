@@ -1,0 +1,208 @@
+"""How finely a polyline may be cut for a body and a stiffness, and who is told: docs/physics.md, section 12."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import sledenv
+from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, simulate, simulate_batch
+from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.simulation.fineness import IN_A_ROW, TooFine, too_fine
+from sledenv.simulation.scene import Tracks
+from sledenv.simulation.smoothing import fit_ground
+from tests.rough_grounds import hull_of_three, rock
+
+G, MASS, STIFFNESS = 9.81, 50.0, 1e6
+PRESSED = MASS * G / STIFFNESS  # [m] by the weight
+LAW = ContactLaw(STIFFNESS, 0.0, 0.1, 0.0)
+Polyline = list[tuple[float, float]]
+
+
+def hollow(radius: float, turn: float, shift: float = 0.0, half: float = 0.5) -> Polyline:
+    """A round dip, cut into pieces that turn by some angle each; x = 0 is a vertex or, shifted by .5, between two."""
+    angles = turn * (np.arange(-math.ceil(half / turn), math.ceil(half / turn) + 1) + shift)
+    return [(float(radius * math.sin(a)), float(radius * (1.0 - math.cos(a)))) for a in angles]
+
+
+def turn_for(rises: float, radius: float, within: float) -> float:
+    """Turn [rad] between pieces over which the parallel at a distance rises by so many depths of the weight."""
+    return math.sqrt(rises * PRESSED / (radius - within))
+
+
+# The rule.
+
+
+def stiffness_of(turn: float, radius: float, within: float, shift: float) -> tuple[float, int]:
+    """How many times as stiff as one spring a dip is to a disc that is let go where it touches, and the most springs.
+
+    It sinks by twice what its weight presses it in.
+    """
+    touches = within / math.cos(0.5 * turn) if shift == 0.0 else within + radius * (1.0 - math.cos(0.5 * turn))
+    span = 2.5 * math.pi * math.sqrt(MASS / STIFFNESS)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        descent = simulate(
+            sledenv.disc(MASS, within),
+            LAW._replace(friction=0.0),
+            Slope(0.0, profile=hollow(radius, turn, shift)),
+            State(0.0, touches * (1.0 + 1e-9), 0.0),
+            max_time=span,
+            record="trajectory",
+        )
+    sunk = touches - float(descent.trajectory["y"].min())
+    return 2.0 * PRESSED / sunk, int(descent.trajectory["touching"].max())
+
+
+def expected_stiffness(rises: float, shift: float) -> tuple[float, int]:
+    """Return the same of lines whose parallels rise over each other as those of a parabola do: by energy."""
+    j = np.arange(1, 60)
+    gaps = rises * PRESSED * (0.5 * j * (j - 1) if shift == 0.0 else 0.5 * j * j)
+    gaps = np.r_[gaps, gaps] if shift == 0.0 else np.r_[0.0, gaps, gaps]
+
+    def surplus(sunk: float) -> float:
+        return float(0.5 * STIFFNESS * (np.maximum(sunk - gaps, 0.0) ** 2).sum() - MASS * G * sunk)
+
+    sunk = float(brentq(surplus, 1e-3 * PRESSED, 3.0 * PRESSED))
+    return 2.0 * PRESSED / sunk, int((gaps < sunk).sum())
+
+
+@pytest.mark.parametrize("shift", [0.0, 0.5], ids=["at a vertex", "between two"])
+@pytest.mark.parametrize(("radius", "within"), [(3.0, 0.3), (20.0, 15.0)])
+def test_as_finely_as_it_may_be_cut_a_dip_is_no_stiffer_than_two_springs(
+    radius: float, within: float, shift: float
+) -> None:
+    """Oracle: energy on lines at the distances of a parabola's; only theta (s - r theta) c/(m g) counts."""
+    for rises in (8.0, 1.02, 0.45, 0.23, 0.12):
+        stiffer, springs = expected_stiffness(rises, shift)
+        assert (stiffer <= 2.0 + 1e-9) == (rises > 1.0)
+        assert (springs <= 3) == (rises > 1.0)
+        found = stiffness_of(turn_for(rises, radius, within), radius, within, shift)
+        assert found == (pytest.approx(stiffer, rel=0.01), springs)
+
+
+@pytest.mark.parametrize(("radius", "within"), [(3.0, 0.3), (3.0, 2.5), (20.0, 15.0)])
+def test_a_finer_cut_is_told_of(radius: float, within: float) -> None:
+    """Oracle: theta (s - r theta) is that of the depth; the warning names remedies, and the line of whoever calls."""
+    disc, launch = sledenv.disc(MASS, within), State(0.0, within + 0.1, 0.0)
+    coarse, fine = (Slope(0.0, profile=hollow(radius, turn_for(rises, radius, within))) for rises in (1.02, 0.98))
+    given: dict[str, Any] = {"max_time": 0.01}
+    simulate(disc, LAW, coarse, launch, **given)
+    simulate(disc, LAW, Slope(0.0, profile=fine.profile, rounding=math.inf), launch, **given)
+    simulate(disc, LAW._replace(stiffness=1.1 * STIFFNESS), fine, launch, **given)
+    simulate(disc, LAW, fine._replace(gravity=0.9 * G), launch, **given)
+    told = r"cut too finely around x = .* presses body.* in by 0\.000491 m, .*rounding=math\.inf.*tolerance_m"
+    for call in (
+        lambda: simulate(disc, LAW, fine, launch, **given),
+        lambda: simulate_batch(disc, LAW, [coarse, fine], [launch] * 2, **given),
+        lambda: Ride(disc, LAW, fine, launch),
+        lambda: RideBatch(disc, LAW, fine, [launch] * 2),
+    ):
+        with pytest.warns(UserWarning, match=told) as caught:
+            call()
+        assert [warning.filename for warning in caught] == [__file__]
+
+
+def test_a_lane_is_named() -> None:
+    """Oracle: the second of three slopes, the third of four bodies."""
+    turn = turn_for(0.5, 3.0, 0.3)
+    slopes = [Slope(0.0), Slope(0.0, profile=hollow(3.0, turn)), Slope(0.0, profile=hollow(3.0, turn))]
+    with pytest.warns(UserWarning, match=r"^slope\[1\]\.profile .* presses body\[1\] "):
+        simulate_batch(sledenv.disc(MASS, 0.3), LAW, slopes, [State(0.0, 0.4, 0.0)] * 3, max_time=0.01)
+    light, heavy = sledenv.disc(0.1 * MASS, 0.3), sledenv.disc(MASS, 0.3)
+    with pytest.warns(UserWarning, match=r"presses body\[2\] "):
+        simulate_batch([light, light, heavy, light], LAW, slopes[1], [State(0.0, 0.4, 0.0)] * 4, max_time=0.01)
+
+
+def test_a_soft_zone_counts() -> None:
+    """Oracle: the same body on a softer spring."""
+    zones = [sledenv.Zone(0.0, 1.0, 0.1, 0.0), sledenv.Zone(1.0, 2.0, 0.1, 0.0, stiffness=0.1 * STIFFNESS)]
+    slope = Slope(0.0, profile=hollow(3.0, turn_for(2.0, 3.0, 0.3)), zones=zones)
+    simulate(sledenv.disc(MASS, 0.3), LAW, slope._replace(zones=zones[:1]), State(0.0, 0.4, 0.0), max_time=0.01)
+    with pytest.warns(UserWarning, match="too finely"):
+        simulate(sledenv.disc(MASS, 0.3), LAW, slope, State(0.0, 0.4, 0.0), max_time=0.01)
+
+
+def obvious(body: Body, law: ContactLaw, profile: Sequence[tuple[float, float]]) -> bool:
+    """Whether so many pieces in a row, all between dips, are too short for an arc that lies on all: a loop."""
+    points = np.array(profile)
+    tilts = np.r_[0.0, np.arctan2(*np.diff(points, axis=0).T[::-1]), 0.0]
+    turns, lengths = np.diff(tilts), np.hypot(*np.diff(points, axis=0).T)
+    ends = [*(arc.begin for arc in body.arcs[1:]), body.arcs[0].begin + 2.0 * math.pi]
+    depth = body.mass * G / law.stiffness
+    for k in range(1, len(points) - 1 - IN_A_ROW):
+        if turns[k : k + IN_A_ROW + 1].min() <= 0.0:
+            continue
+        for arc, end in zip(body.arcs, ends, strict=True):
+            if end - arc.begin < turns[k : k + IN_A_ROW + 1].sum():
+                continue
+            means = 0.5 * (turns[k : k + IN_A_ROW] + turns[k + 1 : k + IN_A_ROW + 1])
+            if (np.abs(means * (lengths[k : k + IN_A_ROW] - arc.radius * means)) < depth).all():
+                return True
+    return False
+
+
+def test_many_lanes_are_looked_at_as_each_alone() -> None:
+    """Oracle: a loop over arcs and pieces; bodies, laws and grounds of all kinds, in each combination."""
+    rng = np.random.default_rng(4)
+    bodies = [(rock, hull_of_three)[k % 2](rng, rng.uniform(0.2, 1.0)) for k in range(12)]
+    laws = [LAW._replace(stiffness=body.mass * 10.0 ** rng.uniform(3.0, 6.0)) for body in bodies]
+    profiles = []
+    for _ in bodies:
+        x = np.cumsum(rng.uniform(0.05, 0.4, 60))
+        profiles.append(np.column_stack([x, 0.3 * np.sin(x / rng.uniform(0.5, 3.0)) + rng.normal(0.0, 0.001, 60)]))
+    slopes = [Slope(0.0, profile=each) for each in profiles]
+
+    def looked(those: Sequence[Body], laws: Sequence[ContactLaw], slopes: Sequence[Slope]) -> TooFine | None:
+        records, rows = np.concatenate([body.record for body in those]), np.array([slope.row for slope in slopes])
+        return too_fine(records, np.array(laws), rows, Tracks.of([slope.ground for slope in slopes]))
+
+    alone = [[obvious(body, law, profile) for profile in profiles] for body, law in zip(bodies, laws, strict=True)]
+    assert 10 < np.sum(alone) < 130
+    for i, (body, law) in enumerate(zip(bodies, laws, strict=True)):
+        first = next((k for k, fine in enumerate(alone[i]) if fine), None)
+        for those in ([body], [body] * len(slopes)):
+            found = looked(those, [law], slopes)
+            assert (found.lane if found else None) == first
+    for k, slope in enumerate(slopes):
+        first = next((i for i in range(len(bodies)) if alone[i][k]), None)
+        found = looked(bodies, laws, [slope])
+        assert (found.lane if found else None) == first
+
+
+# Who is not told.
+
+
+def test_noise_is_not_too_fine() -> None:
+    """Oracle: a sled over level ground surveyed each 0.2 m with an error of 2 mm lies on few vertices."""
+    x = np.arange(0.0, 200.0, 0.2)
+    y = np.random.default_rng(2).normal(0.0, 0.002, len(x))
+    simulate(sledenv.sled(), LAW._replace(stiffness=1e7), Slope(0.1, profile=np.column_stack([x, y])), State(0, 2, 0))
+
+
+@pytest.mark.parametrize("name", scenario_names())
+def test_shipped_scenarios_are_not_too_fine(name: str) -> None:
+    """Oracle: warnings are errors; their bumps have few vertices."""
+    scenario = load_scenario(name)
+    contexts = scenario.contexts(np.random.default_rng(0).random((50, scenario.draws)))
+    table = scenario.slopes(contexts)
+    bodies = scenario.bodies(contexts)
+    records = bodies.record if isinstance(bodies, Body) else bodies
+    assert too_fine(records, scenario.laws(contexts), table.rows, Tracks.of(table.profiles)) is None
+
+
+def test_a_fitted_ground_is_not_too_fine() -> None:
+    """Oracle: the remedy that the warning names; a hill surveyed each 0.1 m."""
+    x = np.arange(0.0, 60.0, 0.1)
+    survey = np.column_stack([x, 0.5 * np.sin(x / 6.0)])
+    with pytest.warns(UserWarning, match="too finely"):
+        simulate(sledenv.sled(), LAW, Slope(0.1, profile=survey), State(1.0, 2.0, 0.0), max_time=0.01)
+    fitted = fit_ground(survey, 0.005)
+    slope = Slope(0.1, profile=fitted[:, :2], rounding=fitted[:, 2])
+    simulate(sledenv.sled(), LAW, slope, State(1.0, 2.0, 0.0), max_time=0.01)
