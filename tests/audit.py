@@ -21,6 +21,7 @@ import argparse
 import math
 import signal
 import time
+import warnings
 from collections import Counter, defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -385,4 +386,5 @@ def main() -> None:
 
 
 if __name__ == "__main__":
+    warnings.filterwarnings("ignore", ".*too finely")  # random dips are cut as finely as they come
     main()

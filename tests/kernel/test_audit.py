@@ -38,7 +38,8 @@ from tests.profiles import BODIES as PLAIN_BODIES
 from tests.profiles import Profile, bumps, dips, hills
 from tests.rough_grounds import BODIES, GROUNDS, LAUNCHES, code_of, rough_case
 
-pytestmark = pytest.mark.jit_only
+# Random dips are cut as finely as they come.
+pytestmark = [pytest.mark.jit_only, pytest.mark.filterwarnings("ignore:.*too finely:UserWarning")]
 
 FAST, MANY = 31, 32  # seeds
 

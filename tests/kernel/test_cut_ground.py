@@ -68,7 +68,9 @@ def above(descent: sledenv.Descent) -> float:
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("numbers", [range(1, 4), pytest.param(range(200), marks=pytest.mark.slow)], ids=["few", "many"])
+@pytest.mark.parametrize(
+    "numbers", [range(1, 4), pytest.param(range(200), marks=pytest.mark.slow)], ids=["few", "many"]
+)
 def test_the_sled_rides_down_surveyed_hills(numbers: Iterable[int]) -> None:
     """Oracle: heights of the ground. Read as arcs or as a polyline, no ride is in the air or buried.
 

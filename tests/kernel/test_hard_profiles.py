@@ -72,6 +72,7 @@ def test_a_velocity_is_zero_only_if_it_is(u: float, turn: float) -> None:
     assert descent.state.u > math.sqrt(u * u + 2.0 * least * 20.0) * 0.99
 
 
+@pytest.mark.filterwarnings("ignore:.*too finely:UserWarning")
 @pytest.mark.parametrize("pieces", [24, 30, 36])
 @pytest.mark.parametrize("friction", [0.02, 0.3])
 def test_a_disc_in_a_round_hollow_comes_to_rest_on_more_contacts_than_it_needs(pieces: int, friction: float) -> None:
