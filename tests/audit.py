@@ -45,6 +45,7 @@ LOSSES: Final = ("hysteresis", "sliding", "rolling", "stored")
 # Tolerances: far above rounding, far below what anyone would see.
 NEAR: Final = 1e-9  # of the size
 RATE: Final = 1e-9  # of the largest speed: a gap rate that is larger tells whether the spring closes or opens
+AIR: Final = 1e-5  # of the size: who is further from the ground than this rides through the air
 SPEED: Final = 1e-8  # of the largest speed
 PULL: Final = 1e-9  # of weight and loads
 FORCE: Final = 1e-7  # of weight and loads: bounds of friction and rolling resistance
@@ -200,7 +201,8 @@ def of_rows(descent: sledenv.Descent, found: Found) -> list[Fault]:
 
     near, energy = NEAR * size, turnover(descent)
     check("time", -np.diff(found.times, prepend=found.times[0]), 0.0, "s")
-    check("air", geometry[:, rows.AIR], near, "m")
+    check("air", geometry[:, rows.AIR], AIR * size, "m")
+    check("beside the ground", np.where(geometry[:, rows.AIR] > AIR * size, 0.0, geometry[:, rows.AIR]), near, "m")
     check("under the ground", beyond[:, rows.TOO_LOW], near, "m")
     check("outline", beyond[:, rows.TOO_FAR_IN], near, "m")
     check("normal", geometry[:, rows.ODD], 0.0, "")

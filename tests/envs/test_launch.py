@@ -67,6 +67,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, chosen, scenario, dat
     descent = sledenv.simulate(
         scenario.body(context), scenario.law(context), scenario.slope(context), launch,
         max_time=scenario.limits.max_time_s, max_rebounds=scenario.limits.max_rebounds,
+        tolerance=scenario.limits.tolerance,
         end_on_chord=scenario.ends.on_chord, end_touching=scenario.ends.touching,
         run_out=scenario.slope_section.run_out_m,
     )  # fmt: skip

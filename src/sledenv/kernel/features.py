@@ -14,6 +14,7 @@ from sledenv.kernel.geometry import (
     ARC_BEND,
     ARC_PIECE,
     ON_ARC,
+    ON_BEGIN,
     SIDE_BEND,
     bends_beside,
     beyond,
@@ -33,7 +34,9 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
     if side in (guards.FOOT_BEGIN, guards.FOOT_END):
         out = beyond(body, a, phi - pieces[j]["tilt"])
         low, high = bends_beside(body, pieces, a, j)
-        j = high if side == guards.FOOT_END else low
+        j, beside = (high, high - 1) if side == guards.FOOT_END else (low, low)
+        if pieces[j]["bend"] < 0 and beside != contact["piece"]:  # over the piece there it may not be at the dip yet
+            return ARC_PIECE, a, beside
         # Where a side ends at the arc, the side slides over the crest.
         if out < 0 and body["smooth"][before] == 0.0 and pieces[j]["bend"] > 0:
             return SIDE_BEND, before, j
@@ -52,10 +55,11 @@ def _next_feature(body: np.void, pieces: np.ndarray, phi: float, contact: np.voi
         return (ARC_BEND if body["smooth"][before] != 0.0 else SIDE_BEND), before, j
     if side == guards.OF_ARC_HIGH:
         return (ARC_BEND, after, j) if body["smooth"][a] != 0.0 else (SIDE_BEND, a, j)
-    if side == guards.SIDE_BEGIN:
-        return ARC_BEND, a, j
-    if side == guards.SIDE_END:
-        return ARC_BEND, after, j
+    if side in (guards.SIDE_BEGIN, guards.SIDE_END):
+        arc = a if side == guards.SIDE_BEGIN else after
+        if pieces[j]["radius"] > 0.0 and contact["bend_part"] != ON_ARC:  # the end of the side is over a piece
+            return ARC_PIECE, arc, j - 1 if contact["bend_part"] == ON_BEGIN else j
+        return ARC_BEND, arc, j
     return SIDE_BEND, a, j
 
 

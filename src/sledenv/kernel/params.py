@@ -88,7 +88,7 @@ class Limits(NamedTuple):
 
     max_time: float  # [s]
     max_steps: float  # [-] integration steps in contact
-    tolerance: float  # [-] ten times the first terms that series of a contact step leave out, over the speed of the body
+    tolerance: float  # [-] ten times the first terms that series of a contact step leave out, over the speed
     sample_interval: float  # [s] longest time between two rows of a trajectory
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
