@@ -12,7 +12,7 @@ from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Polygon
 
 from sledenv import plot
-from sledenv.plot.grounds import bands
+from sledenv.plot.grounds import bands, surface
 from sledenv.plot.shapes import to_world
 from sledenv.simulation.scene import Slope, Zone
 from tests.bodies import DISC, HILL, ICE, run
@@ -26,6 +26,16 @@ def test_bands_are_the_zones_in_sight() -> None:
     assert [(band.begin, band.end) for band in bands(ZONED, 0.05)] == [zone[:2] for zone in ZONED.zones]
     assert [(band.begin, band.end) for band in bands(ZONED, 0.05, 3.0, 7.0)] == [(3.0, 4.0), (4.0, 4.1), (6.0, 7.0)]
     assert bands(ZONED, 0.05, 4.5, 5.5) == bands(ZONED, 0.05, 9.0, 1.0) == bands(HILL, 0.05) == []
+
+
+@pytest.mark.parametrize("radius", [0.2, 5.0, 100.0])
+def test_a_bend_is_drawn_a_millimetre_off_at_most(radius: float) -> None:
+    """Oracle: the heights that the kernel tells, at many places between."""
+    slope = Slope(0.2, 200.0, profile=[(40.0, 0.0), (80.0, 20.0), (120.0, 0.0)], rounding=radius)
+    line, x = surface(slope.vertices, 30.0, 130.0), np.linspace(30.0, 130.0, 20_001)
+    steepest = math.atan2(20.0, 40.0)  # where a millimetre is more along y
+    assert np.abs(np.interp(x, *line.T) - slope.height_at(x)).max() <= 1e-3 / math.cos(steepest)
+    assert len(line) < 400
 
 
 def test_the_rougher_a_zone_the_darker_it_is_and_ice_is_blue() -> None:

@@ -11,6 +11,7 @@ import numpy as np
 from sledenv.simulation.scene import Slope, pieces_of, tangents
 
 _CHORD: Final = math.radians(3.0)  # by which a chord of a bend turns
+_SAGITTA: Final = 1e-3  # [m] how far a chord is from its bend at most
 LINE: Final = "#788a9c"  # around a band, with which one as slippery as the ground around it is seen
 _ICE, _SNOW, _MAT = (200, 231, 252), (216, 221, 227), (152, 162, 172)  # as slippery as can be, as the ground, rough
 
@@ -29,7 +30,7 @@ def surface(vertices: np.ndarray, left: float, right: float) -> np.ndarray:
     -------
     ndarray, shape (m, 2)
         Columns x, y [m] in the slope frame, m >= 2: both places, and the vertices between them, or points of their
-        bends, so close that a chord turns by less than 3 degrees.
+        bends, so close that a chord turns by less than 3 degrees and is at most a millimetre from its bend.
     """
     line = _line(vertices) if vertices.shape[1] == 3 else vertices
     between = line[(left < line[:, 0]) & (line[:, 0] < right)]
@@ -44,7 +45,8 @@ def _line(vertices: np.ndarray) -> np.ndarray:
     points: list[np.ndarray] = []
     pieces = pieces_of(vertices)
     for before, bend in itertools.pairwise(pieces):
-        count = math.ceil(abs(bend["tilt"] - before["tilt"]) / _CHORD)
+        widest = min(_CHORD, math.sqrt(8.0 * _SAGITTA / bend["radius"])) if bend["radius"] > 0.0 else math.inf
+        count = math.ceil(abs(bend["tilt"] - before["tilt"]) / widest)
         tilts = before["tilt"] + (bend["tilt"] - before["tilt"]) * np.linspace(0.0, 1.0, count + 1)
         out = bend["bend"] * bend["radius"] * np.stack([-np.sin(tilts), np.cos(tilts)], axis=-1)
         centre = np.array([bend["qx"], bend["qy"]])
