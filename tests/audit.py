@@ -45,7 +45,7 @@ LOSSES: Final = ("hysteresis", "sliding", "rolling", "stored")
 # Tolerances: far above rounding, far below what anyone would see.
 NEAR: Final = 1e-9  # of the size
 RATE: Final = 1e-9  # of the largest speed: a gap rate that is larger tells whether the spring closes or opens
-AIR: Final = 1e-5  # of the size: who is further from the ground than this rides through the air
+AIR: Final = 1e-3  # of the size: who is further from the ground than this rides through the air
 SPEED: Final = 1e-8  # of the largest speed
 PULL: Final = 1e-9  # of weight and loads
 FORCE: Final = 1e-7  # of weight and loads: bounds of friction and rolling resistance

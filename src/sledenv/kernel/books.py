@@ -63,7 +63,7 @@ def _book_contact(contacts: np.void, contact: np.void, terms: np.void, s: np.voi
         push, pull = push * t + normal[k] * PER[k + 1], pull * t + force[k] * PER[k + 1]
     rebound["normal_impulse"] += push * t
     rebound["tangential_impulse"] += pull * t
-    if contact["slip_still"] != 1 and contact["slip_sign"] != 0 and contact["friction"] > 0.0:
+    if contact["slip_still"] != 1 and contact["friction"] > 0.0:  # it slips, or follows others that are still
         rebound["sliding"] = max(rebound["sliding"] - _integral(force, terms["slip"], t), 0.0)
     if contacts["spin_still"] == 0 and contact["rolling_arm"] > 0.0:
         lost = contacts["spin_sign"] * contact["rolling_arm"] * _integral(normal, s["omega"], t)

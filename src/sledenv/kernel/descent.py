@@ -45,7 +45,7 @@ from sledenv.kernel.strike import AGAIN, most_normal, release_or_strike, strike
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
-STEPS_OF_A_SWING: Final = 4000  # in which a descent gets on by one swing of its springs, or ends
+STEPS_OF_A_SWING: Final = 1000  # in which a descent gets on by one swing of its springs, or ends
 AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no progress
 FASTER: Final = 8.0  # times as long is each small step more in a row, up to LARGEST of a step
 LARGEST: Final = 1e-4

@@ -459,6 +459,9 @@ def _spread_zeros(
         _heed_locks(body, least, motion, contacts, choice)
     elif speed <= standing:  # no motion is left but rounding
         motion["u"] = motion["v"] = motion["omega"] = 0.0
+        for c in range(contacts["count"]):
+            contacts["at"][c]["gap_rate"] = contacts["at"][c]["slip"] = 0.0
+        _write_signs(motion, contacts)
 
 
 @kernel
