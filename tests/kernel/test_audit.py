@@ -159,6 +159,10 @@ def move_points_up(t: np.ndarray) -> None:
     t["contacts"]["y"][alone(t)] += 1e-6
 
 
+def move_points_off(t: np.ndarray) -> None:
+    t["contacts"]["y"][alone(t)] += 1e-2
+
+
 def move_points_down(t: np.ndarray) -> None:
     t["contacts"]["y"][alone(t)] -= 1e-3
 
@@ -249,7 +253,8 @@ PLANTED: dict[str, tuple[Callable[[np.ndarray], None], str]] = {
     "the body is sunk by 3 mm": (sink, "depth"),
     "the body is sunk by more than a quarter of its size": (sink_deep, "not buried"),
     "the body is in the ground before it touches": (sink_in_flight, "depth in flight"),
-    "points touch above the ground": (move_points_up, "air"),
+    "points touch above the ground": (move_points_up, "beside the ground"),
+    "points touch in the air": (move_points_off, "air"),
     "points touch under the ground": (move_points_down, "under the ground"),
     "points touch where the body is not": (move_points_along, "outline"),
     "normals are turned": (turn_normals, "normal"),
