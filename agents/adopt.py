@@ -8,7 +8,8 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
-from sledenv.agents.evaluate import CONTEXTS, evaluate, table
+from sledenv.agents.evaluate import CONTEXTS, table
+from sledenv.benchmark.evaluation import evaluation_of
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import adopt, agent_name, load_run
 from sledenv.command.arguments import number
@@ -46,10 +47,10 @@ def _adopt(
             observe=config["observe"],
             launch_noise=config["launch_noise"],
         )
-        scores = [evaluate(before, agent, "before", contexts)]
+        scores = [evaluation_of(before, agent, contexts, "before")]
         adopt(folder, problem)
         now, agent, config = load_run(folder)
-        scores.append(evaluate(now, agent, agent_name(config["agent"]), contexts))
+        scores.append(evaluation_of(now, agent, contexts, agent_name(config["agent"])))
         print(f"{folder.name}: {before.scenario.hash} is now {scenario.hash}\n{table(scores)}\n")
 
 

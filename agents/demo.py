@@ -10,6 +10,7 @@ from typing import Final
 
 import numpy as np
 
+from sledenv.benchmark.evaluation import Evaluation, evaluation_of
 from sledenv.benchmark.problem import Agent, Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.command.arguments import Count, Seed
@@ -17,7 +18,7 @@ from sledenv.command.running import app, run
 from sledenv.machine.extras import needs
 from sledenv.plot import plot_strobe
 
-from .evaluate import CONTEXTS, Score, as_json, best_of, evaluate, table
+from .evaluate import CONTEXTS, as_json, best_of, table
 from .train import run_folder, train, trained
 
 with needs("agents", "sledenv.agents.demo"):
@@ -33,14 +34,14 @@ _BEFORE, _BEHIND = 14.0, 8.0  # [m] of the ground around the fall that is drawn
 _POSES: Final = 30
 
 
-def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Score], path: Path) -> None:
+def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Evaluation], path: Path) -> None:
     """Draw how agents ride in one held-out context where the first of them falls, one above the other.
 
     It is the context in which the last agent's gain over the first is the median of those in which the first falls.
     """
     first, last = scores[DRAWN[0]], scores[DRAWN[-1]]
     gain = last.rewards - first.rewards
-    fallen = np.flatnonzero(first.falls > 0.0)
+    fallen = np.flatnonzero(first.fallen > 0.0)
     candidates = fallen if fallen.size else np.arange(gain.size)
     chosen = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
     scene = problem.trials(problem.contexts("test", gain.size), "test")[chosen]
@@ -85,7 +86,7 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count = FLIGH
 
     print(f"\nJudging on {CONTEXTS} contexts of {SCENARIO} that no training has seen", flush=True)
     agents = {name: load_run(place)[1] for name, place in places.items()}
-    scores = {name: evaluate(problem, agent, name, CONTEXTS) for name, agent in agents.items()}
+    scores = {name: evaluation_of(problem, agent, CONTEXTS, name) for name, agent in agents.items()}
     print(f"Searching the best rides of {SEARCHED} of them: a minute\n", flush=True)
     best = best_of(problem, SEARCHED, list(scores.values()))
     text = table(list(scores.values()), best)

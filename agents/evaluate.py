@@ -6,18 +6,18 @@ import sys
 from contextlib import ExitStack
 from json import dumps
 from pathlib import Path
-from typing import Annotated, Any, NamedTuple
+from typing import Annotated, Any
 
 import numpy as np
 import pandas as pd
 from cyclopts import Parameter
 from numpy.typing import NDArray
-from scipy.stats import bootstrap
 
+from sledenv.benchmark.evaluation import Evaluation, evaluation_of, mean_interval, told
 from sledenv.benchmark.oracle import best_found
-from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_name, load_run
-from sledenv.benchmark.scores import lost, mean
+from sledenv.benchmark.scores import lost
 from sledenv.command.arguments import number
 from sledenv.command.running import app, progress, run, taken
 from sledenv.machine.files import replacing
@@ -27,42 +27,12 @@ CONTEXTS = 200
 SEARCHED = 40  # of these, whose best launch or ride is searched: a minute or two of two cores
 
 
-class Score(NamedTuple):
-    """How an agent did on the held-out contexts."""
-
-    name: str
-    rewards: NDArray[np.float64]  # (n,), means over the trials
-    status: NDArray[np.str_]  # (n, t), of every trial
-
-    @property
-    def mean(self) -> float:
-        """Mean reward."""
-        return float(self.rewards.mean())
-
-    @property
-    def falls(self) -> NDArray[np.float64]:
-        """Share of the trials of each context in which a part touches that must not, shape (n,)."""
-        return np.asarray((self.status == "tumbled").mean(axis=1))
-
-    def regrets(self, best: pd.DataFrame) -> NDArray[np.float64]:
-        """Share that is lost against the best launches or rides of the first contexts, shape (m,)."""
-        return lost(self.rewards[: len(best)], best["reward"].to_numpy())
+def regrets(score: Evaluation, best: pd.DataFrame) -> NDArray[np.float64]:
+    """Share that is lost against the best launches or rides of the first contexts, shape (m,)."""
+    return lost(score.rewards[: len(best)], best["reward"].to_numpy())
 
 
-def interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """95 % bootstrap interval (BCa) of the mean over contexts."""
-    if np.ptp(values) <= 1e-12:  # nothing to resample
-        return float(values.mean()), float(values.mean())
-    result = bootstrap((values,), np.mean, n_resamples=2000, rng=np.random.default_rng(0))
-    return float(result.confidence_interval.low), float(result.confidence_interval.high)
-
-
-def falls_interval(falls: NDArray[np.float64]) -> tuple[float, float]:
-    """95 % interval of a mean share over contexts; it has a width even if nothing was counted."""
-    return mean(falls[np.newaxis]).share_interval(len(falls))
-
-
-def best_of(problem: Problem, count: int, scores: list[Score]) -> pd.DataFrame:
+def best_of(problem: Problem, count: int, scores: list[Evaluation]) -> pd.DataFrame:
     """Search the best launch or ride of the first held-out contexts; where an agent rides better, that counts."""
     best = best_found(problem, problem.contexts("test", count), progress=True, workers=None)
     if problem.environment == "descent":
@@ -71,31 +41,24 @@ def best_of(problem: Problem, count: int, scores: list[Score]) -> pd.DataFrame:
     return best
 
 
-def evaluate(problem: Problem, agent: Agent, name: str, count: int = CONTEXTS) -> Score:
-    """Simulate what an agent does in ``count`` held-out contexts, the same for every agent."""
-    trials = problem.trials(problem.contexts("test", count), "test")
-    batch, _ = problem.judge(agent, trials)
-    return Score(name, batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1), batch.status.reshape(trials.shape[:2]))
-
-
-def table(scores: list[Score], best: pd.DataFrame | None = None) -> str:
+def table(scores: list[Evaluation], best: pd.DataFrame | None = None) -> str:
     """Return the scores as text, most reward first, with what the words in it mean.
 
     Parameters
     ----------
-    scores : list of Score
+    scores : list of Evaluation
     best : DataFrame, optional
         The best of the first contexts, of :func:`best_of`.
     """
     first, *others = sorted(scores, key=lambda score: -score.mean)
     names = ["agent", "mean reward [95 %]", "mean loss [95 %]", "falls [95 %]", "finished"]
-    rows = [[*names, *([f"behind {first.name} [95 %]"] if others else [])]]
+    rows = [[*names, *([f"behind {first.policy} [95 %]"] if others else [])]]
     for score in (first, *others):
-        share = "-" if best is None else _told(score.regrets(best), interval, ".1%")
-        row = [score.name, _told(score.rewards, interval, ".3f"), share, _told(score.falls, falls_interval, ".1%")]
-        row.append(f"{(score.status == 'finish').mean():.1%}")
+        row = [score.policy, told(score.mean, score.interval, ".3f")]
+        row.append("-" if best is None else _told_mean(regrets(score, best), ".1%"))
+        row += [told(score.falls, score.falls_interval, ".1%"), f"{score.finished:.1%}"]
         if others:  # context by context
-            row.append("-" if score is first else _told(first.rewards - score.rewards, interval, ".3f"))
+            row.append("-" if score is first else _told_mean(first.rewards - score.rewards, ".3f"))
         rows.append(row)
     header, *lines = aligned(rows, ["<12", "<"])
     words = [f"Reward: from 0 to 1, over {len(first.rewards)} contexts that no training has seen."]
@@ -110,21 +73,20 @@ def table(scores: list[Score], best: pd.DataFrame | None = None) -> str:
     return "\n".join([header, "-" * len(header), *lines, "", *words])
 
 
-def _told(values: NDArray[np.float64], ends: Any, form: str) -> str:
-    """Write the mean of values with its interval."""
-    low, high = (format(end, f"z{form}").removesuffix("%") for end in ends(values))
-    return f"{values.mean():z{form}} [{low}, {high}]"
+def _told_mean(values: NDArray[np.float64], form: str) -> str:
+    """Write the mean of values over contexts with its interval."""
+    return told(float(values.mean()), mean_interval(values), form)
 
 
-def as_json(scores: list[Score], best: pd.DataFrame | None = None) -> list[dict[str, Any]]:
+def as_json(scores: list[Evaluation], best: pd.DataFrame | None = None) -> list[dict[str, Any]]:
     """Return the scores as plain data."""
     found = []
     for one in scores:
-        plain = {"agent": one.name, "mean": one.mean, "interval": interval(one.rewards)}
+        plain = {"agent": one.policy, "mean": one.mean, "interval": one.interval}
         if best is not None:
-            regrets = one.regrets(best)
-            plain |= {"regret": float(regrets.mean()), "regret_interval": interval(regrets)}
-        plain |= {"falls": float(one.falls.mean()), "falls_interval": falls_interval(one.falls)}
+            lost_to = regrets(one, best)
+            plain |= {"regret": float(lost_to.mean()), "regret_interval": mean_interval(lost_to)}
+        plain |= {"falls": one.falls, "falls_interval": one.falls_interval}
         found.append(plain | {"rewards": one.rewards.tolist()})
     return found
 
@@ -166,7 +128,7 @@ def _evaluate(
     with ExitStack() as places:
         file = json and taken(places, "--json", replacing(json, ".json"))
         problem = loaded[0][0].shifted() if shifted else loaded[0][0]
-        scores = [evaluate(problem, agent, agent_name(config["agent"]), contexts) for _, agent, config in loaded]
+        scores = [evaluation_of(problem, agent, contexts, agent_name(config["agent"])) for _, agent, config in loaded]
         best = None
         count = min(searched, contexts)
         if count:

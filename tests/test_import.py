@@ -53,6 +53,19 @@ def test_an_episode_without_pictures_loads_no_optional_package() -> None:
     assert done.stdout.strip() == "[]"
 
 
+def test_a_policy_is_evaluated_without_a_learning_framework() -> None:
+    """Oracle: sys.modules of a fresh process."""
+    program = """
+import sys
+import sledenv
+before = sorted({"pandas", "scipy"} & set(sys.modules))
+found = sledenv.evaluate(lambda seen: 0.0 * seen[:, :1], "sled_rollers", contexts=2)
+print(before, len(found.rewards), sorted({"stable_baselines3", "torch"} & set(sys.modules)))
+"""
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[] 2 []"
+
+
 def imported(file: Path) -> Iterator[str]:
     """Names that a file imports anywhere, in functions, for types and by ``import_module`` too."""
     for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):

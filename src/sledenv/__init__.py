@@ -7,8 +7,9 @@ Importing it registers two environments with Gymnasium, alone or as a native bat
     gymnasium.make_vec("sledenv/SledLaunch-v0", num_envs=1024)
 
 ``scenario_names()`` lists the scenarios. Without an environment, ``simulate`` follows one descent and
-``simulate_batch`` many. The classes behind the ids are in :mod:`sledenv.envs.launch`, :mod:`sledenv.envs.descent` and
-:mod:`sledenv.envs.vector`; ``sledenv --help`` is the command line.
+``simulate_batch`` many; ``evaluate`` says how well a policy does. The classes behind the ids are in
+:mod:`sledenv.envs.launch`, :mod:`sledenv.envs.descent` and :mod:`sledenv.envs.vector`; ``sledenv --help`` is the
+command line.
 """
 
 from __future__ import annotations
@@ -32,6 +33,7 @@ from sledenv.machine.extras import Missing as _Missing
 from sledenv.machine.extras import MissingPackage as _MissingPackage
 
 if TYPE_CHECKING:
+    from sledenv.benchmark.evaluation import Evaluation, evaluate
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
     from sledenv.identification.choice import identify
     from sledenv.identification.tables import recorded_poses, recorded_rebounds
@@ -61,6 +63,7 @@ __all__ = [
     "Descent",
     "DescentBatch",
     "Energy",
+    "Evaluation",
     "Feature",
     "Mode",
     "Phase",
@@ -82,6 +85,7 @@ __all__ = [
     "circular_segment",
     "collide_wheel",
     "disc",
+    "evaluate",
     "hull",
     "identify",
     "load_scenario",
@@ -104,6 +108,7 @@ __all__ = [
 
 # Loaded where they are first asked for, so that `import sledenv` is quick: what each module has.
 _MODULES = {
+    "sledenv.benchmark.evaluation": ("Evaluation", "evaluate"),
     "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
     "sledenv.identification.choice": ("identify",),
     "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),

@@ -16,12 +16,13 @@ import sledenv.agents.demo
 import sledenv.agents.evaluate
 import sledenv.agents.train
 from sledenv.agents import curve
-from sledenv.agents.evaluate import Score, evaluate, interval, main, table
+from sledenv.agents.evaluate import main, table
 from sledenv.agents.random_launch import Agent as Random
 from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import default_settings, run_folder, train, trained
 from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark import best_rides
+from sledenv.benchmark.evaluation import Evaluation, evaluation_of, mean_interval
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.machine.blame import GivenCodeError
@@ -94,7 +95,7 @@ def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo
     rewards = []
     for _ in range(2):
         problem, agent, _ = load_run(folder)
-        rewards.append(evaluate(problem, agent, algo, 20).rewards)
+        rewards.append(evaluation_of(problem, agent, 20, algo).rewards)
     assert np.array_equal(*rewards)
     assert ((rewards[0] >= 0.0) & (rewards[0] <= 1.0)).all()
 
@@ -218,7 +219,7 @@ def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_w
     """Oracle: the file as it was after a disk that is full; nothing beside it."""
     name, file = "sled_mat-launch-spin-critic-s0", tmp_path / "scores.json"
     with monkeypatch.context() as patch:
-        patch.setattr(sledenv.agents.evaluate, "evaluate", None)
+        patch.setattr(sledenv.agents.evaluate, "evaluation_of", None)
         assert main([name, "--json", str(tmp_path / "no" / "scores.json")]) == 2
         assert "--json" in (told := capsys.readouterr().err)
         assert "there is no folder" in told
@@ -296,7 +297,8 @@ def test_the_table_has_the_best_first_and_compares_context_by_context():
     base = rng.uniform(0.2, 0.6, 50)
     status = np.full((50, 4), "finish")
     best = pd.DataFrame({"reward": 2.0 * base[:8], "low": 2.0 * base[:8], "high": 2.0 * base[:8]})
-    scores = [Score("a_rather_long_name", base, status), Score("high", base + 0.125, status)]
+    given = {"a_rather_long_name": base, "high": base + 0.125}
+    scores = [Evaluation(name, "mine", rewards, status) for name, rewards in given.items()]
     header, _, high, low, *words = table(scores, best).splitlines()
     assert "behind high" in header
     assert (high.split()[0], low.split()[0]) == ("high", "a_rather_long_name")
@@ -305,7 +307,7 @@ def test_the_table_has_the_best_first_and_compares_context_by_context():
     assert "0.0% [0.0, 7.1]" in low  # Wilson's interval of 0 in 50
     assert low.index("[") == high.index("["), "columns stand below each other, whatever the names"
     assert "first 8 contexts" in "".join(words)
-    few, many = interval(base)
+    few, many = mean_interval(base)
     assert few < base.mean() < many
 
 

@@ -34,7 +34,7 @@ _BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
 
 class Policy(Protocol):
-    """What can be judged: a map from observations to actions."""
+    """What can be judged: a map from observations to actions. Messages call it by its ``name``, or by its module."""
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions of shape (n, k) in [-1, 1] for what is seen, see :class:`sledenv.envs.task.Task`."""
@@ -338,7 +338,7 @@ class Problem:
             observations = self.task.observe(contexts, flights)
         else:
             observations = self._seen_by.observe(contexts, flights, self.scenario)
-        whose = f"agent {type(agent).__module__}, scenario {self.scenario.id}"
+        whose = f"agent {getattr(agent, 'name', type(agent).__module__)}, scenario {self.scenario.id}"
         with blaming(whose, "act"):
             actions = agent.act(observations)
         try:

@@ -33,14 +33,14 @@ def blaming(whose: str, deed: str) -> Iterator[None]:
     ------
     GivenCodeError
         If it raises an error, which is the cause; a command would tell a ValueError as wrong input.
-    MissingPackage
-        As it is: it says what to install.
+    MissingPackage, GivenCodeError
+        As it is: it says what to install, or whose error it is.
     OSError
         If a disk is full, which is not the fault of this code.
     """
     try:
         yield
-    except MissingPackage:
+    except (MissingPackage, GivenCodeError):
         raise
     except Exception as error:
         if (full := _full_disk(error)) is not None:

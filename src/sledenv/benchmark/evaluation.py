@@ -1,0 +1,314 @@
+"""How well a policy does in contexts that no training has seen, the same for every policy."""
+
+from __future__ import annotations
+
+import inspect
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.stats import bootstrap
+
+from sledenv.benchmark.problem import Environment, Policy, Problem
+from sledenv.benchmark.runs import agent_name, load_run
+from sledenv.benchmark.scores import mean
+from sledenv.machine.blame import blaming
+from sledenv.scenarios.scenario import Scenario, load_scenario
+
+_RESAMPLES = 2000
+
+
+class Predicting(Protocol):
+    """A model as those of stable-baselines3: ``predict(observations, deterministic=True)`` returns actions and None."""
+
+    def predict(self, observation: Any, /) -> Any:
+        """Return actions, shape (n, k), or a tuple of them and a state, which must be None."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """How a policy did in test contexts; printed, it is a few lines.
+
+    Attributes
+    ----------
+    policy : str
+        Its name.
+    scenario : str
+        The id of the scenario.
+    rewards : ndarray, shape (n,)
+        Of each context, the mean over its trials: 64 draws of the launch noise of a launch, one of a ride.
+    status : ndarray of str, shape (n, t)
+        How each trial ended.
+    """
+
+    policy: str
+    scenario: str
+    rewards: NDArray[np.float64]
+    status: NDArray[np.str_]
+
+    def __post_init__(self) -> None:
+        for name in ("rewards", "status"):
+            values = getattr(self, name).view()
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @property
+    def mean(self) -> float:
+        """Mean reward, in [0, 1]."""
+        return float(self.rewards.mean())
+
+    @cached_property
+    def interval(self) -> tuple[float, float]:
+        """95 % interval of the mean reward over all such contexts."""
+        return mean_interval(self.rewards)
+
+    @property
+    def fallen(self) -> NDArray[np.float64]:
+        """Share of the trials of each context in which a part touches that must not, shape (n,)."""
+        return np.asarray((self.status == "tumbled").mean(axis=1))
+
+    @property
+    def falls(self) -> float:
+        """Share of falls: descents in which a part touches that must not, such as the rider."""
+        return float(self.fallen.mean())
+
+    @cached_property
+    def falls_interval(self) -> tuple[float, float]:
+        """95 % interval of the share of falls over all such contexts; it has a width even if nothing fell."""
+        return mean(self.fallen[np.newaxis]).share_interval(len(self.fallen))
+
+    @property
+    def finished(self) -> float:
+        """Share of the descents that finished."""
+        return float((self.status == "finish").mean())
+
+    def __repr__(self) -> str:
+        return (
+            f"{self.policy}, {len(self.rewards)} test contexts of {self.scenario}; 95 % intervals\n"
+            f"mean reward  {told(self.mean, self.interval, '.3f')}\n"
+            f"falls        {told(self.falls, self.falls_interval, '.1%')}\n"
+            f"finished     {self.finished:.1%}"
+        )
+
+
+def evaluate(
+    policy: Callable[[NDArray[np.float32]], ArrayLike] | Predicting | Policy | str | os.PathLike[str],
+    scenario: str | os.PathLike[str] | Scenario | None = None,
+    contexts: int = 1000,
+    *,
+    environment: Environment | None = None,
+    control: str | None = None,
+    launch_noise: tuple[float, float] | None = None,
+    observe: Literal["all"] | Sequence[str] | None = None,
+    shifted: bool = False,
+    normalize: Any = None,
+) -> Evaluation:
+    """Ride or launch in test contexts, which no training draws with ``split="train"``.
+
+    Every policy meets the same contexts with the same draws of noise, so that two evaluations compare context by
+    context: ``one.rewards - other.rewards``.
+
+    Parameters
+    ----------
+    policy : callable, object with ``predict`` or ``act``, str or path
+        A function of observations, shape (n, m), that returns actions, shape (n, k), in [-1, 1], each row by itself; a
+        model of stable-baselines3, which acts without exploration; an agent; or the folder of a run of
+        ``python -m sledenv.agents.train``, or the name of one that ships, such as "sled_mat-launch-spin-critic-s0".
+        Load only runs that you trust: they can run code as you.
+    scenario : str, path or Scenario
+        As for :func:`sledenv.load_scenario`. A run has its own, which is the default, and must be this one.
+    contexts : int
+        How many, at least 2; the first ones are the same for any number.
+    environment : {"descent", "launch"}, optional
+        Whether the policy trims the flights of a ride or chooses the launch. By default "descent" where a rider meets a
+        track, "launch" elsewhere.
+    control, launch_noise, observe
+        As the policy was trained with; the defaults are those of the environments. A run has its own.
+    shifted : bool
+        Evaluate in contexts of a kind that no one trains on, those of :meth:`sledenv.Scenario.shifted`, seen on the
+        scale of the others.
+    normalize : VecNormalize, optional
+        What scales observations before the policy sees them. That of the environment on which a model of
+        stable-baselines3 was trained is found; a model that is loaded has lost it.
+
+    Returns
+    -------
+    Evaluation
+
+    Raises
+    ------
+    TypeError, ValueError
+        For wrong arguments, or a policy of other observations or actions, before anything is simulated; if its actions
+        have another shape, are no numbers or lie outside [-1, 1].
+    FileNotFoundError
+        If there is no such run.
+    GivenCodeError
+        If the policy raises an error itself, which is the cause.
+
+    Examples
+    --------
+    No trim at all, and a rule that trims against pose and spin:
+
+    >>> import gymnasium as gym, numpy as np, sledenv
+    >>> def still(observations):
+    ...     return np.zeros((len(observations), 1))
+    >>> sledenv.evaluate(still, "sled_rollers", contexts=200)
+    still, 200 test contexts of sled_rollers; 95 % intervals
+    mean reward  0.595 [0.552, 0.635]
+    falls        52.5% [45.5, 59.4]
+    finished     47.5%
+    >>> names = gym.make("sledenv/SledDescent-v0", scenario="sled_rollers").unwrapped.observation_names
+    >>> pose, spin = names.index("sine"), names.index("omega")
+    >>> def against(observations):
+    ...     return np.clip(-4 * observations[:, [pose]] - 30 * observations[:, [spin]], -1, 1)
+    >>> found = sledenv.evaluate(against, "sled_rollers", contexts=200)
+    >>> print(f"{found.mean:.3f}, {found.falls:.1%} fall")
+    0.648, 45.0% fall
+    """
+    count = _checked_contexts(contexts)
+    asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)
+    agent: Policy
+    if isinstance(policy, str | os.PathLike):
+        given = {"environment": environment, "control": control, "launch_noise": launch_noise, "observe": observe}
+        for name, value in (given | {"normalize": normalize}).items():
+            if value is not None:
+                raise ValueError(f"{name} = {value!r}: must be left out, the run {os.fspath(policy)} has its own")
+        problem, agent, config = load_run(Path(policy))
+        _check_scenario(asked, problem, os.fspath(policy))
+        name = agent_name(config["agent"])
+    else:
+        if asked is None:
+            raise TypeError("scenario = None: must be the name or the file of a scenario, or a Scenario")
+        kind: Environment = environment if environment is not None else "descent" if asked.is_ride else "launch"
+        seen = "all" if observe is None else observe
+        problem = Problem(asked, kind, control, launch_noise=launch_noise, observe=seen)
+        name = _name(policy)
+        agent = _as_agent(policy, name, problem, normalize)
+    return evaluation_of(problem.shifted() if shifted else problem, agent, count, name)
+
+
+def evaluation_of(problem: Problem, agent: Policy, contexts: int, name: str) -> Evaluation:
+    """Simulate what an agent does in the first test contexts of a problem, the same for every agent."""
+    trials = problem.trials(problem.contexts("test", contexts), "test")
+    batch, _ = problem.judge(agent, trials)
+    shape = trials.shape[:2]
+    return Evaluation(
+        name, problem.scenario.id, batch.jam.reward.reshape(shape).mean(axis=1), batch.status.reshape(shape)
+    )
+
+
+def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
+    """Return the 95 % bootstrap interval (BCa) of a mean over contexts."""
+    if np.ptp(values) <= 1e-12:  # nothing to resample
+        return float(values.mean()), float(values.mean())
+    result = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, rng=np.random.default_rng(0))
+    return float(result.confidence_interval.low), float(result.confidence_interval.high)
+
+
+def told(value: float, ends: tuple[float, float], form: str) -> str:
+    """Return a number with its interval as text; a percent sign stands once."""
+    low, high = (format(end, f"z{form}").removesuffix("%") for end in ends)
+    return f"{value:z{form}} [{low}, {high}]"
+
+
+class _Named(NamedTuple):
+    """A policy made of a function, and what messages call it."""
+
+    act: Callable[[NDArray[np.float32]], Any]
+    name: str
+
+
+def _checked_contexts(contexts: Any) -> int:
+    """Return a number of contexts, of which a mean has an interval, or raise TypeError or ValueError."""
+    message = f"contexts = {contexts!r}: must be an integer >= 2, of fewer there is no interval"
+    if isinstance(contexts, bool) or not isinstance(contexts, int | np.integer):
+        raise TypeError(message)
+    if contexts < 2:
+        raise ValueError(message)
+    return int(contexts)
+
+
+def _check_scenario(asked: Scenario | None, problem: Problem, run: str) -> None:
+    """Raise ValueError if a scenario is another one than that on which a run was trained."""
+    if asked is None:
+        return
+    own, other = problem.scenario, asked.ride() if problem.environment == "descent" else asked
+    if own.hash != other.hash:
+        trained = f"{own.id!r} with the hash {own.hash}"
+        raise ValueError(f"scenario = {other.id!r} with the hash {other.hash}: must be that of {run}, {trained}")
+
+
+def _name(policy: Any) -> str:
+    """Return what a policy is called: a function by its name, an ``Agent`` by its module, others by their class."""
+    kind = type(policy)
+    return str(getattr(policy, "__name__", agent_name(kind.__module__) if kind.__name__ == "Agent" else kind.__name__))
+
+
+def _as_agent(policy: Any, name: str, problem: Problem, normalize: Any) -> Policy:
+    """Return a policy as one that acts, or raise TypeError or ValueError if it is none for the problem."""
+    ways = [way for way in ("act", "predict") if callable(getattr(policy, way, None))]
+    if isinstance(policy, type) or not (ways or callable(policy)):
+        what = "a function of observations, an object with predict or act, or the folder or name of a run"
+        raise TypeError(f"policy = {policy!r}: must be {what}")
+    for space in ("observation_space", "action_space"):
+        own, wanted = getattr(policy, space, None), getattr(problem.task, space)
+        if own is not None and own != wanted:
+            raise ValueError(f"policy.{space} = {own}: must be {wanted}, that of {problem.id} in {problem.scenario.id}")
+    if normalize is None and callable(find := getattr(policy, "get_vec_normalize_env", None)):
+        normalize = find()
+    _check_normalize(normalize, policy, problem)
+    act: Callable[[NDArray[np.float32]], Any]
+    if "act" in ways:
+        act = policy.act
+    elif "predict" in ways:
+        act = _predicting(policy, name)
+    else:
+        act = policy
+    if normalize is None:
+        return _Named(act, name)
+    return _Named(lambda observations: act(normalize.normalize_obs(observations)), name)
+
+
+def _check_normalize(normalize: Any, policy: Any, problem: Problem) -> None:
+    """Raise TypeError or ValueError if a policy cannot be shown observations so."""
+    wanted = problem.task.observation_space
+    if normalize is None:
+        # What a model of stable-baselines3 was shown last is kept with it.
+        last = getattr(policy, "_last_obs", None)
+        if isinstance(last, np.ndarray) and last.shape[1:] == wanted.shape and (np.abs(last) > 1.0).any():
+            raise ValueError(
+                "normalize = None: must be the VecNormalize with which the policy was trained, which has seen "
+                "observations outside [-1, 1]; VecNormalize.load reads it"
+            )
+        return
+    if not callable(getattr(normalize, "normalize_obs", None)):
+        raise TypeError(f"normalize = {normalize!r}: must be a VecNormalize of stable-baselines3")
+    shape = getattr(getattr(normalize, "observation_space", wanted), "shape", None)
+    if shape != wanted.shape:
+        raise ValueError(f"normalize.observation_space has shape {shape}: must be {wanted.shape}")
+
+
+def _predicting(policy: Any, name: str) -> Callable[[NDArray[np.float32]], Any]:
+    """Return the function that a model predicts by, without exploration where it can."""
+    try:
+        options = {"deterministic": True} if "deterministic" in inspect.signature(policy.predict).parameters else {}
+    except (TypeError, ValueError):  # of compiled code
+        options = {}
+
+    def act(observations: NDArray[np.float32]) -> Any:
+        with blaming(f"agent {name}", "predict"):
+            answer = policy.predict(observations, **options)
+        if not isinstance(answer, tuple):
+            return answer
+        actions, *state = answer
+        if any(one is not None for one in state):
+            raise TypeError("predict returned a state: must be None, each observation is answered by itself")
+        return actions
+
+    return act

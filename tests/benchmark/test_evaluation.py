@@ -1,0 +1,295 @@
+"""A policy, in whatever form it is given, is evaluated in the contexts and draws in which all are."""
+
+from __future__ import annotations
+
+import doctest
+import pickle
+import re
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium import spaces
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+import sledenv
+from sledenv.agents import land_parallel
+from sledenv.benchmark import evaluation
+from sledenv.benchmark.evaluation import Evaluation, evaluation_of, mean_interval
+from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import TRAINED, load_run
+from sledenv.envs.inputs import FIELDS
+from sledenv.envs.sb3 import make_vec_env
+from sledenv.machine.blame import GivenCodeError
+from sledenv.scenarios.scenario import Context
+
+RIDE, RUN = "sled_rollers", "sled_mat-launch-spin-critic-s0"
+
+
+def still(observations: np.ndarray) -> np.ndarray:
+    return np.zeros((len(observations), 1))
+
+
+def against(observations: np.ndarray) -> np.ndarray:
+    """Trims against the pose."""
+    return np.clip(-2.0 * observations[:, 13:14], -1.0, 1.0)
+
+
+def test_rides_without_trims_earn_what_they_do_in_the_environment():
+    """Oracle: the native batch at the same launches, bit for bit."""
+    found = sledenv.evaluate(still, RIDE, contexts=8)
+    problem = Problem(RIDE, "descent")
+    (drawn,) = problem.trials(problem.contexts("test", 8), "test").swapaxes(0, 1)
+    contexts = drawn[:, :FIELDS].copy()
+    contexts[:, [Context._fields.index(name) for name in ("orientation", "spin")]] += drawn[:, FIELDS:]
+    envs = gym.make_vec(problem.id, 8, scenario=RIDE, launch_noise=(0.0, 0.0), autoreset_mode="SameStep")
+    envs.reset(seed=0, options={"context": contexts})
+    lost, status = np.full((2, 8), np.nan)
+    while np.isnan(lost).any():
+        _, _, ended, _, infos = envs.step(np.zeros((8, 1), np.float32))
+        first = ended & np.isnan(lost)
+        if first.any():
+            last = infos["final_info"]
+            lost[first], status[first] = last["jam"]["jam_index"][first], last["descent"]["status"][first]
+    assert np.array_equal(1.0 - found.rewards, lost)
+    assert found.mean == found.rewards.mean()
+    names = [sledenv.STATUS_OF_CODE[int(code)] for code in status]
+    assert found.falls == names.count("tumbled") / 8
+    assert found.finished == names.count("finish") / 8
+
+
+def test_launches_earn_what_they_do_in_the_environment():
+    """Oracle: the native batch and the scalar environment in the same contexts, bit for bit."""
+    found = sledenv.evaluate(still, "sled_mat", contexts=6, launch_noise=(0.0, 0.0))
+    contexts, given = Problem("sled_mat").contexts("test", 6), {"scenario": "sled_mat", "launch_noise": (0.0, 0.0)}
+    envs = gym.make_vec("sledenv/SledLaunch-v0", 6, **given)
+    envs.reset(seed=0, options={"context": contexts})
+    assert np.array_equal(found.rewards, envs.step(np.zeros((6, 1), np.float32))[1])
+    env = gym.make("sledenv/SledLaunch-v0", **given)
+    env.reset(seed=0, options={"context": contexts[5]})
+    assert env.step(np.zeros(1, np.float32))[1] == found.rewards[5]
+
+
+def test_the_scenario_says_what_is_asked():
+    """Oracle: the widths of what is seen. A rider on a plane is launched."""
+    widths = {}
+
+    def seeing(name: str, actions: int) -> Any:
+        def policy(observations: np.ndarray) -> np.ndarray:
+            widths[name] = observations.shape[1]
+            return np.zeros((len(observations), actions))
+
+        return policy
+
+    sledenv.evaluate(seeing("rollers", 1), RIDE, 2)
+    sledenv.evaluate(seeing("snow", 2), "sled_snow", 2)
+    sledenv.evaluate(seeing("both", 2), "sled_mat", 2, control="both")
+    sledenv.evaluate(seeing("plane", 1), "sled_mat", 2, environment="descent")
+    sledenv.evaluate(seeing("launch", 2), RIDE, 2, environment="launch", control="both")
+    assert widths == {"rollers": 52, "snow": 11, "both": 11, "plane": 22, "launch": 35}
+
+
+def test_the_contexts_are_the_first_ones_for_every_number_and_every_policy():
+    """Oracle: the rewards of fewer; those of a launch under launch noise are means over 64 draws."""
+    few, many = (sledenv.evaluate(still, "sled_mat", count) for count in (2, 4))
+    assert np.array_equal(few.rewards, many.rewards[:2])
+    assert few.status.shape == (2, 64)
+    assert np.array_equal(sledenv.evaluate(against, RIDE, 3).rewards, sledenv.evaluate(against, RIDE, 5).rewards[:3])
+
+
+def test_what_is_not_observed_reads_nothing_and_shifted_contexts_are_seen_on_the_scale_of_the_others():
+    """Oracle: the columns of what is seen; what Problem.shifted says."""
+    seen: list[np.ndarray] = []
+
+    def watching(observations: np.ndarray) -> np.ndarray:
+        seen.append(observations)
+        return np.zeros((len(observations), 1))
+
+    sledenv.evaluate(watching, RIDE, 20, observe=["speed"])
+    assert not seen[0][:, :3].any()
+    assert seen[0][:, 3].all()
+    seen.clear()
+    shifted = sledenv.evaluate(watching, RIDE, 20, shifted=True)
+    assert seen[0][:, 3].max() > 1.0
+    problem = Problem(RIDE, "descent").shifted()
+    assert np.array_equal(shifted.rewards, evaluation_of(problem, SimpleNamespace(act=still), 20, "still").rewards)
+
+
+def trained(normalized: bool) -> Any:
+    lanes = VecMonitor(make_vec_env("sledenv/SledDescent-v0", 8, 0, env_kwargs={"scenario": RIDE, "split": "train"}))
+    env = VecMonitor(VecNormalize(lanes)) if normalized else lanes
+    model = PPO("MlpPolicy", env, n_steps=16, batch_size=64, n_epochs=2, seed=0, device="cpu")
+    return model.learn(256)
+
+
+def test_a_model_acts_without_exploration():
+    """Oracle: its predictions; its policy, and what is read from a file, are the same model."""
+    model = trained(normalized=False)
+    found = sledenv.evaluate(model, RIDE, 10)
+    assert (found.policy, found.scenario) == ("PPO", RIDE)
+    by_hand = sledenv.evaluate(lambda seen: model.predict(seen, deterministic=True)[0], RIDE, 10)
+    assert np.array_equal(found.rewards, by_hand.rewards)
+    assert np.array_equal(found.rewards, sledenv.evaluate(model.policy, RIDE, 10).rewards)
+    assert not np.array_equal(found.rewards, sledenv.evaluate(still, RIDE, 10).rewards)
+
+
+def test_a_model_sees_what_it_has_learned_with(tmp_path):
+    """Oracle: the formula of VecNormalize. A model that was loaded is refused until its statistics are given."""
+    model = trained(normalized=True)
+    found = sledenv.evaluate(model, RIDE, 10)
+    statistics = model.get_vec_normalize_env()
+    count = float(statistics.obs_rms.count)
+
+    def by_hand(seen: np.ndarray) -> np.ndarray:
+        scaled = (seen - statistics.obs_rms.mean) / np.sqrt(statistics.obs_rms.var + statistics.epsilon)
+        return model.predict(np.clip(scaled, -10.0, 10.0).astype(np.float32), deterministic=True)[0]
+
+    assert np.array_equal(found.rewards, sledenv.evaluate(by_hand, RIDE, 10).rewards)
+    assert float(statistics.obs_rms.count) == count  # nothing is learned from test contexts
+    model.save(tmp_path / "model.zip")
+    statistics.save(str(tmp_path / "statistics.pkl"))
+    again = PPO.load(tmp_path / "model.zip", device="cpu")
+    with pytest.raises(ValueError, match=r"^normalize = None: must be the VecNormalize with which the policy was"):
+        sledenv.evaluate(again, RIDE, 10)
+    read = VecNormalize.load(str(tmp_path / "statistics.pkl"), make_vec_env("sledenv/SledDescent-v0"))
+    assert np.array_equal(sledenv.evaluate(again, RIDE, 10, normalize=read).rewards, found.rewards)
+
+
+def test_an_agent_acts_and_a_run_is_loaded(tmp_path, monkeypatch):
+    """Oracle: the same agents, judged by the problem."""
+    problem = Problem(RIDE, "descent")
+    agent = land_parallel.Agent(problem)
+    found = sledenv.evaluate(agent, RIDE, 10)
+    assert found.policy == "land_parallel"
+    batch, _ = problem.judge(agent, problem.trials(problem.contexts("test", 10), "test"))
+    assert np.array_equal(found.rewards, batch.jam.reward)
+    problem, critic, _ = load_run(TRAINED / RUN)
+    by_hand = evaluation_of(problem, critic, 3, "critic")
+    for run in (RUN, TRAINED / RUN):
+        for scenario in (None, problem.scenario):
+            found = sledenv.evaluate(run, scenario, 3)
+            assert found.policy == "critic"
+            assert np.array_equal(found.rewards, by_hand.rewards)
+
+
+def test_the_result_is_printed_in_a_few_lines_and_cannot_be_changed():
+    """Oracle: means by hand; Wilson's interval of no fall in 50."""
+    rewards = np.random.default_rng(0).uniform(0.2, 0.6, 50)
+    status = np.full((50, 2), "finish", dtype="U8")
+    status[0] = "timeout"
+    found = Evaluation("mine", "ours", rewards, status)
+    low, high = mean_interval(rewards)
+    lines = str(found).splitlines()
+    assert lines == repr(found).splitlines()
+    assert lines[0] == "mine, 50 test contexts of ours; 95 % intervals"
+    assert [line.split(maxsplit=1) for line in lines[2:]] == [["falls", "0.0% [0.0, 7.1]"], ["finished", "98.0%"]]
+    assert lines[1] == f"mean reward  {rewards.mean():.3f} [{low:.3f}, {high:.3f}]"
+    assert found.interval == (low, high)
+    with pytest.raises(FrozenInstanceError):
+        found.rewards = rewards
+    with pytest.raises(ValueError, match="read-only"):
+        found.rewards[0] = 1.0
+    rewards[0] = 0.5  # of whoever made it
+    again = pickle.loads(pickle.dumps(found))
+    assert (again.mean, again.falls_interval) == (found.mean, found.falls_interval)
+
+
+def test_no_spread_has_no_width():
+    """Oracle: a policy is compared with itself."""
+    found = Evaluation("mine", "ours", np.full(4, 0.5), np.full((4, 1), "tumbled"))
+    assert found.interval == (0.5, 0.5)
+    assert (found.falls, found.finished) == (1.0, 0.0)
+    assert found.falls_interval[0] < 0.6
+
+
+class Model:
+    """Has the spaces of a model."""
+
+    def __init__(self, seen: int = 52, acts: int = 1, **given: Any) -> None:
+        self.observation_space = spaces.Box(-1.0, 1.0, (seen,), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (acts,), np.float32)
+        vars(self).update(given)
+
+    def predict(self, observations: np.ndarray) -> Any:
+        raise AssertionError("nothing is asked")
+
+
+class Remembering:
+    def predict(self, observations: np.ndarray, state: Any = None) -> Any:
+        return still(observations), np.zeros(3)
+
+
+class Broken:
+    def predict(self, observations: np.ndarray) -> Any:
+        return observations + np.zeros(3)
+
+
+@pytest.mark.parametrize(
+    ("policy", "given", "message"),
+    [
+        (still, {"scenario": "sled_rolers"}, "unknown scenario 'sled_rolers' (did you mean 'sled_rollers'?)"),
+        (still, {"scenario": None}, "scenario = None: must be the name or the file of a scenario, or a Scenario"),
+        (still, {"contexts": 1}, "contexts = 1: must be an integer >= 2"),
+        (still, {"contexts": 2.5}, "contexts = 2.5: must be an integer >= 2"),
+        (still, {"contexts": True}, "contexts = True: must be an integer >= 2"),
+        (still, {"environment": "flight"}, "environment = 'flight': must be one of 'launch', 'descent'"),
+        (still, {"control": "spin"}, "control = 'spin': must be one of 'trim'"),
+        (still, {"observe": ["sped"]}, "observe = ['sped']: must be 'all' or a sequence of any of 'angle'"),
+        (still, {"launch_noise": (0.1, -1.0)}, "launch_noise.spin = -1.0: must be in [0, inf)"),
+        (None, {}, "policy = None: must be a function of observations, an object with predict or act, or the"),
+        (Model, {}, "policy = <class"),
+        (Model(22), {}, "policy.observation_space = Box(-1.0, 1.0, (22,), float32): must be Box(-1.0, 1.0, (52,)"),
+        (Model(52, 2), {}, "policy.action_space = Box(-1.0, 1.0, (2,), float32): must be Box(-1.0, 1.0, (1,), float3"),
+        (Model(), {"normalize": 5}, "normalize = 5: must be a VecNormalize of stable-baselines3"),
+        (
+            Model(),
+            {"normalize": SimpleNamespace(normalize_obs=still, observation_space=spaces.Box(-1, 1, (22,)))},
+            "normalize.observation_space has shape (22,): must be (52,)",
+        ),
+        (Model(_last_obs=np.full((2, 52), 1.5)), {}, "normalize = None: must be the VecNormalize with which the"),
+        (RUN, {"control": "spin"}, f"control = 'spin': must be left out, the run {RUN} has its own"),
+        (RUN, {}, "scenario = 'sled_rollers' with the hash "),
+        (lambda seen: np.zeros((len(seen), 2)), {}, "agent <lambda>, scenario sled_rollers: actions have shape (3, 2)"),
+        (lambda seen: np.zeros(len(seen)), {}, "agent <lambda>, scenario sled_rollers: actions have shape (3,): must"),
+        (lambda seen: still(seen) + np.nan, {}, "agent <lambda>, scenario sled_rollers: actions[0] = [nan]: must be"),
+        (lambda seen: still(seen) + 1.5, {}, "agent <lambda>, scenario sled_rollers: actions[0] = [1.5]: must be with"),
+        (lambda seen: None, {}, "agent <lambda>, scenario sled_rollers: actions "),
+    ],
+)
+def test_what_cannot_be_evaluated_is_refused_by_name(policy, given, message, monkeypatch):
+    """Oracle: the message. But for actions, nothing has been simulated by then."""
+    if not message.startswith("agent"):
+        monkeypatch.setattr(evaluation, "evaluation_of", None)
+    with pytest.raises((TypeError, ValueError), match=f"^{re.escape(message)}"):
+        sledenv.evaluate(policy, **{"scenario": RIDE, "contexts": 3} | given)
+
+
+@pytest.mark.parametrize(
+    ("policy", "message"),
+    [
+        (Remembering(), "agent Remembering, scenario sled_rollers: act raised TypeError: predict returned a state"),
+        (Broken(), "agent Broken: predict raised ValueError: operands"),
+        (lambda seen: seen[99], "agent <lambda>, scenario sled_rollers: act raised IndexError: index 99"),
+    ],
+)
+def test_a_mistake_of_a_policy_is_told_as_its_own(policy, message):
+    """Oracle: whose, what, and the name of this file where it is in it."""
+    with pytest.raises(GivenCodeError, match=f"^{re.escape(message)}") as raised:
+        sledenv.evaluate(policy, RIDE, 3)
+    if "state" not in message:
+        assert re.search(r" \(test_evaluation\.py, line \d+\)$", str(raised.value))
+
+
+def test_a_run_that_is_not_there_is_named():
+    with pytest.raises(FileNotFoundError, match=r"^runs/nothing: there is no such run, neither here nor among those"):
+        sledenv.evaluate(Path("runs/nothing"), RIDE)
+
+
+def test_the_examples_run():
+    """Oracle: what they print, the scores without trims and by the rule that docs/benchmark.md tells."""
+    assert doctest.testmod(evaluation).failed == 0
