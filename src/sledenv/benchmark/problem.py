@@ -70,7 +70,9 @@ class Agent(Policy, Protocol):
 
 
 class Problem:
-    """A scenario with what the agent controls of it.
+    """A task with the contexts and the draws of noise in which every agent is trained, validated and judged alike.
+
+    :func:`sledenv.evaluate` is for those who have a policy to judge.
 
     Parameters
     ----------

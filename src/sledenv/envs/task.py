@@ -74,7 +74,9 @@ def check_options(environment: type, given: Iterable[str]) -> None:
 
 
 class Task:
-    """A scenario, what the agent controls of its launch, and how contexts are drawn and descents simulated.
+    """What an agent sees of the contexts of a scenario, what it does there, and the descents that follow.
+
+    Environments and problems have one; nobody else needs it.
 
     Parameters
     ----------
