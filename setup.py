@@ -1,4 +1,4 @@
-"""The step of the build that pyproject.toml cannot tell: the kernel is compiled into object files of the package."""
+"""What pyproject.toml cannot tell: the kernel is compiled, and an editable install puts ``src`` alone on the path."""
 
 import os
 import subprocess
@@ -7,6 +7,7 @@ from pathlib import Path
 
 from setuptools import setup
 from setuptools.command.build_py import build_py
+from setuptools.command.editable_wheel import editable_wheel
 
 HERE = Path(__file__).parent
 
@@ -26,4 +27,19 @@ class BuildWithKernel(build_py):
             subprocess.run(command, check=True)
 
 
-setup(cmdclass={"build_py": BuildWithKernel})
+class SrcOnThePath(editable_wheel):
+    """Put ``src`` alone on the path; sledenv itself finds what a checkout has at its top (machine/checkout.py).
+
+    With packages in several places, setuptools would install a finder that Python asks after the folders of the path:
+    started above a clone named sledenv, it would take that folder for the package.
+    """
+
+    def finalize_options(self) -> None:
+        """Leave out the packages outside ``src``."""
+        places = self.distribution.package_dir
+        self.distribution.packages = [name for name in self.distribution.packages if name not in places]
+        self.distribution.package_dir = {"": places[""]}
+        super().finalize_options()
+
+
+setup(cmdclass={"build_py": BuildWithKernel, "editable_wheel": SrcOnThePath})

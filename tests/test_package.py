@@ -31,6 +31,20 @@ with tarfile.open(os.path.join(folder, source)) as archive:
 os.chdir(os.path.join(folder, source.removesuffix(".tar.gz")))
 build_meta.build_wheel(folder)
 """
+BUILD_EDITABLE = "import sys; from setuptools import build_meta; build_meta.build_editable(sys.argv[1])"
+# Run without site-packages, but with the folder of an editable install, before all else that is on the path.
+EDITABLE = """
+import site, sys
+site.addsitedir(sys.argv[1])
+sys.path += sys.argv[2:]
+import gymnasium
+import sledenv
+sledenv.sled()
+gymnasium.make("sledenv/SledLaunch-v0").close()
+import sledenv.agents.zero, sledenv.configs
+for module in (sledenv, sledenv.agents.zero, sledenv.configs):
+    print(module.__file__)
+"""
 # Run from an empty folder: everything that is found by name is found and can be read.
 PROGRAM = """
 import sys
@@ -228,13 +242,13 @@ def test_a_clone_needs_no_links() -> None:
 
 @pytest.fixture(scope="module")
 def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Folder of the source distribution, the wheel that is built of it, and ``tree``, the copy that it is built of."""
+    """Folder of a source distribution, the wheel that is built of it, and ``sledenv``, the copy that it is built of."""
     home = tmp_path_factory.mktemp("built")
     made = ("__pycache__", "*.egg-info", ".*_cache", ".git", ".hypothesis", ".venv*", "_build", "build", "dist", "runs")
-    shutil.copytree(ROOT, home / "tree", ignore=shutil.ignore_patterns(*made, "objects"))
+    shutil.copytree(ROOT, home / "sledenv", ignore=shutil.ignore_patterns(*made, "objects"))
     none = os.environ | {"SLEDENV_TARGETS": ""}  # the kernel is not compiled
     subprocess.run(
-        [sys.executable, "-c", BUILD, str(home)], cwd=home / "tree", env=none, check=True, capture_output=True
+        [sys.executable, "-c", BUILD, str(home)], cwd=home / "sledenv", env=none, check=True, capture_output=True
     )
     return home
 
@@ -244,7 +258,7 @@ def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
     (wheel,) = built.glob("*.whl")
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
-    expected = {f"{place}{name}" for folder, place in HOMES.items() for name in files_below(built / "tree" / folder)}
+    expected = {f"{place}{name}" for folder, place in HOMES.items() for name in files_below(built / "sledenv" / folder)}
     some = ("pages/templates/play.html", "py.typed", "agents/sac.py", "configs/suites/smoke.yaml")
     assert {f"sledenv/{name}" for name in some} <= expected
     assert names == expected
@@ -256,8 +270,28 @@ def test_a_source_distribution_carries_package_tests_and_docs(built: Path) -> No
     with tarfile.open(source) as archive:
         names = {member.name.partition("/")[2] for member in archive.getmembers() if member.isfile()}
     for folder in (*HOMES, "tests", "docs", "examples", "perf"):
-        assert {f"{folder}/{name}" for name in files_below(built / "tree" / folder)} <= names
+        assert {f"{folder}/{name}" for name in files_below(built / "sledenv" / folder)} <= names
     assert {"README.md", "CHANGELOG.md", "LICENSE", "Makefile", "constraints.txt", "pyproject.toml"} <= names
+
+
+def test_an_editable_install_works_from_every_folder(built: Path) -> None:
+    """Oracle: the files of the clone. Above one that is named sledenv Python finds that folder first."""
+    clone, site, empty = built / "sledenv", built / "site", built / "empty"
+    for folder in (site, empty):
+        folder.mkdir()
+    command = [sys.executable, "-c", BUILD_EDITABLE, str(built / "editable")]
+    (built / "editable").mkdir()
+    subprocess.run(command, cwd=clone, env=os.environ | {"SLEDENV_TARGETS": ""}, check=True, capture_output=True)
+    (wheel,) = (built / "editable").glob("*.whl")
+    with zipfile.ZipFile(wheel) as archive:
+        archive.extractall(site)
+    files = [clone / name for name in ("src/sledenv/__init__.py", "agents/zero.py", "configs/__init__.py")]
+    command = [sys.executable, "-S", "-c", EDITABLE, str(site), *sys.path]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    for folder in (built, clone, empty):
+        done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        assert [Path(line) for line in done.stdout.splitlines()] == files
 
 
 @pytest.mark.slow

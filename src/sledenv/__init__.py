@@ -27,6 +27,11 @@ if sys.argv[:1] == ["-m"]:  # until Python has found the module that it is to ru
 
     _starting.tell_in_one_line()
 
+if not Path(__file__).with_name("configs").exists():  # a checkout
+    from sledenv.machine import checkout as _checkout
+
+    _checkout.find_at_the_top()
+
 import sledenv.pages as _pages  # noqa: F401  registers how a notebook shows a descent
 from sledenv.envs import register as _register
 from sledenv.machine.extras import Missing as _Missing
