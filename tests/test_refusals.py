@@ -173,13 +173,16 @@ def with_options(options: Any) -> Any:
         (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
         (
             lambda: made(noise=0),
-            "noise: is no argument of SledLaunch; it has scenario, control, render_mode, info, solver, split, "
-            "launch_noise, observe",
+            "SledLaunch.__init__() got an unexpected keyword argument 'noise'; it has scenario, control, render_mode, "
+            "info, solver, split, launch_noise, observe",
         ),
-        (lambda: SledDescent(trims=1), "trims: is no argument of SledDescent; it has scenario,"),
+        (
+            lambda: SledDescent(trims=1),
+            "SledDescent.__init__() got an unexpected keyword argument 'trims'; it has scenario,",
+        ),
         (
             lambda: make_vec_env(ID, 2, env_kwargs={"noise": 0}),
-            "noise: is no argument of SledLaunchVector; it has num_envs",
+            "SledLaunchVector.__init__() got an unexpected keyword argument 'noise'; it has num_envs",
         ),
         (lambda: SledLaunch("sled_snwo"), "unknown scenario 'sled_snwo' (did you mean 'sled_snow'?)"),
         (lambda: made(control="trim"), "control = 'trim': must be one of 'both', 'orientation', 'spin'"),

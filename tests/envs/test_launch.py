@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -237,6 +238,17 @@ def test_the_limit_of_the_spec_is_known_and_ends_no_episode(env_id):
         assert np.array_equal(seen[:-1], expected)
         assert one == other
         ended = one[1] or one[2]
+
+
+@both_ids
+@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
+def test_an_unknown_argument_is_told_in_pythons_own_words(make, env_id):
+    """Oracle: Python, of a function without that argument. At these words TorchRL takes its `frameskip` back."""
+    with pytest.raises(TypeError) as pythons:
+        (lambda: None)(frameskip=1)
+    words = str(pythons.value)[str(pythons.value).index("got an unexpected keyword argument") :]
+    with pytest.raises(TypeError, match=re.escape(f".__init__() {words}; it has ")):
+        make(env_id, frameskip=1)
 
 
 def test_entries_of_observations_and_actions_have_names():

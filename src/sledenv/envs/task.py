@@ -70,7 +70,9 @@ def check_options(environment: type, given: Iterable[str]) -> None:
         own = [
             one.name for one in inspect.signature(environment).parameters.values() if one.kind is not one.VAR_KEYWORD
         ]
-        raise TypeError(f"{wrong[0]}: is no argument of {environment.__name__}; it has {', '.join([*own, *known])}")
+        # The words are Python's own: others look for them, TorchRL to find out who repeats actions.
+        unexpected = f"{environment.__name__}.__init__() got an unexpected keyword argument {wrong[0]!r}"
+        raise TypeError(f"{unexpected}; it has {', '.join([*own, *known])}")
 
 
 class Task:
