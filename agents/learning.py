@@ -26,7 +26,7 @@ with needs("agents", __name__):
     from stable_baselines3.common.base_class import BaseAlgorithm
     from stable_baselines3.common.callbacks import BaseCallback
     from stable_baselines3.common.utils import LinearSchedule
-    from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper, VecMonitor
+    from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepReturn
 
 
@@ -207,9 +207,7 @@ class Learned:
         landing, flights = Landing(problem) if landings else None, _flights(problem)
         torch.set_num_threads(1)  # networks this small run slower on more
         lanes = settings.pop("n_envs")
-        env: VecEnv = VecMonitor(
-            make_vec_env(problem.id, lanes, seed * lanes, env_kwargs=problem.env_kwargs | {"split": "train"})
-        )
+        env: VecEnv = make_vec_env(problem.id, lanes, seed * lanes, env_kwargs=problem.env_kwargs | {"split": "train"})
         if problem.environment == "launch":
             env = Standardised(env, random_rewards(problem, seed))
         if landing is not None:

@@ -1,8 +1,10 @@
-"""The adapter is stable-baselines3's DummyVecEnv of scalar environments, bit for bit, and algorithms train on it."""
+"""The adapter is stable-baselines3's DummyVecEnv of monitored environments, bit for bit; algorithms train on it."""
 
 from __future__ import annotations
 
+import csv
 import pickle
+import warnings
 
 import gymnasium as gym
 import numpy as np
@@ -10,9 +12,10 @@ import pytest
 import torch
 from gymnasium.error import ResetNeeded
 from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.callbacks import EvalCallback
+from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
 from stable_baselines3.common.env_util import make_vec_env as theirs
 from stable_baselines3.common.evaluation import evaluate_policy
+from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecMonitor, VecNormalize, VecVideoRecorder
 
@@ -46,12 +49,19 @@ def make(short_scenario: sledenv.Scenario):
     return made
 
 
+def without_times(infos: list[dict]) -> list[dict]:
+    """Infos without the time [s] at which an episode ended."""
+    for info in infos:
+        assert info.get("episode", {"t": 0.0}).pop("t") >= 0.0
+    return infos
+
+
 @both_ids
 def test_all_that_episodes_return_is_that_of_dummyvecenv(make, short_scenario, env_id):
-    """Oracle: DummyVecEnv of scalar environments, infos included."""
+    """Oracle: DummyVecEnv of scalar environments in a Monitor, infos included, also where a lane is reset alone."""
     lanes, episodes = 20, 60
     env = make(lanes, 7, env_id, info=INFO_KEYS)
-    dummy = DummyVecEnv([lambda: SCALAR[env_id](short_scenario)] * lanes)
+    dummy = DummyVecEnv([lambda: Monitor(SCALAR[env_id](short_scenario))] * lanes)
     assert dummy.seed(7) == env.seed(7)
     assert equal(env.reset(), dummy.reset())
     assert equal(env.reset_infos, dummy.reset_infos)
@@ -59,10 +69,13 @@ def test_all_that_episodes_return_is_that_of_dummyvecenv(make, short_scenario, e
     ended = 0
     while ended < episodes:
         action = rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
-        step = env.step(action)
-        assert equal(step, dummy.step(action))
+        *step, infos = env.step(action)
+        *other, theirs_infos = dummy.step(action)
+        assert equal(step, other)
+        assert equal(without_times(infos), without_times(theirs_infos))
         assert equal(env.reset_infos, dummy.reset_infos)
         ended += np.count_nonzero(step[2])
+        assert equal(*(one.env_method("reset", indices=[3]) for one in (env, dummy)))
 
 
 def test_an_episode_that_met_a_limit_has_ended_as_any_other_has(short_scenario):
@@ -95,7 +108,7 @@ def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
     assert rewards.dtype == np.float32
     assert dones.all()
     for info, observation in zip(infos, observations, strict=True):
-        assert info.keys() == {"terminal_observation", "TimeLimit.truncated", "is_success"}
+        assert info.keys() == {"terminal_observation", "TimeLimit.truncated", "is_success", "episode"}
         assert info["TimeLimit.truncated"] is False
         assert not np.array_equal(info["terminal_observation"], observation)
 
@@ -157,6 +170,69 @@ def test_vecnormalize_vecmonitor_and_evalcallback_work_on_it(make, env_id, tmp_p
     assert 0.0 < mean < 1.0
 
 
+@both_ids
+def test_evaluate_policy_tells_raw_returns_behind_vecnormalize(make, short_scenario, env_id):
+    """Oracle: SB3's own make_vec_env; the sums of the rewards before they are scaled."""
+    ours, its = make(4, 5, env_id), theirs(env_id, 4, 5, env_kwargs={"scenario": short_scenario})
+    model = PPO("MlpPolicy", make(1, env_id=env_id), seed=0)
+    sums, raw, scaled = np.zeros((2, 4)), [], []
+
+    def count(inside, _):
+        i = inside["i"]
+        sums[:, i] += inside["env"].get_original_reward()[i], inside["reward"]
+        if inside["done"]:
+            raw.append(sums[0, i])
+            scaled.append(sums[1, i])
+            sums[:, i] = 0.0
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        told = evaluate_policy(model, VecNormalize(ours), 20, callback=count, return_episode_rewards=True)
+    assert told == evaluate_policy(model, VecNormalize(its), 20, return_episode_rewards=True)
+    np.testing.assert_allclose(told[0], raw, rtol=0.0, atol=1e-6)
+    assert np.mean(scaled) > np.mean(raw) + 0.1
+
+
+class Raw(BaseCallback):
+    """Keeps the returns of episodes before VecNormalize."""
+
+    def _on_training_start(self):
+        self.returns, self.sums = [], np.zeros(self.training_env.num_envs)
+
+    def _on_step(self):
+        self.sums += self.training_env.get_original_reward()
+        self.returns += self.sums[self.locals["dones"]].tolist()
+        self.sums[self.locals["dones"]] = 0.0
+        return True
+
+
+@both_ids
+def test_learning_and_evalcallback_tell_raw_returns_behind_vecnormalize(make, short_scenario, env_id, tmp_path):
+    """Oracle: SB3's own make_vec_env; the sums of the rewards before they are scaled."""
+    judged = make(4, 5, env_id), theirs(env_id, 4, 5, env_kwargs={"scenario": short_scenario})
+    folders = [tmp_path / "ours", tmp_path / "theirs"]
+    callbacks = [
+        EvalCallback(VecNormalize(env, training=False), n_eval_episodes=8, eval_freq=8, log_path=str(folder), verbose=0)
+        for env, folder in zip(judged, folders, strict=True)
+    ]
+    raw = Raw()
+    model = PPO("MlpPolicy", VecNormalize(make(8, 0, env_id)), n_steps=8, batch_size=32, n_epochs=1, seed=0)
+    model.set_logger(configure(str(tmp_path), ["csv"]))
+    model.learn(64, callback=[raw, *callbacks])
+    model.logger.close()
+    with (tmp_path / "progress.csv").open() as file:
+        rows = list(csv.DictReader(file))  # of the evaluation, of the rollout
+    judgement, rollout = (
+        next(filter(None, (row[name] for row in rows))) for name in ("eval/mean_reward", "rollout/ep_rew_mean")
+    )
+    assert 0 < len(raw.returns) <= 100  # of which SB3 tells the mean
+    assert float(rollout) == pytest.approx(np.mean(raw.returns), abs=1e-6)
+    ours, its = (np.load(folder / "evaluations.npz") for folder in folders)
+    assert np.array_equal(ours["results"], its["results"])
+    assert ((ours["results"] > 0.0) & (ours["results"] < 1.0)).all()
+    assert float(judgement) == pytest.approx(ours["results"].mean(), abs=1e-6)
+
+
 def test_seeds_and_options_are_used_once(make, short_scenario):
     """Oracle: DummyVecEnv."""
     env, dummy = make(3), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 3)
@@ -185,8 +261,8 @@ def test_seeds_and_options_are_used_once(make, short_scenario):
 
 
 def test_attributes_and_methods_are_those_of_the_lanes(make, short_scenario):
-    """Oracle: DummyVecEnv of the scalar environment."""
-    env, dummy = make(3, info=INFO_KEYS), DummyVecEnv([lambda: SledLaunch(short_scenario)] * 3)
+    """Oracle: DummyVecEnv of the scalar environment in a Monitor."""
+    env, dummy = make(3, info=INFO_KEYS), DummyVecEnv([lambda: Monitor(SledLaunch(short_scenario))] * 3)
     env.seed(2)
     dummy.seed(2)
     env.reset()
@@ -198,12 +274,16 @@ def test_attributes_and_methods_are_those_of_the_lanes(make, short_scenario):
     assert env.get_attr("task")[1].scenario == dummy.get_attr("task")[1].scenario
     assert env.has_attr("task")
     assert not env.has_attr("tusk")
-    assert env.env_is_wrapped(Monitor) == dummy.env_is_wrapped(Monitor) == [False] * 3
-    assert env.env_is_wrapped(Monitor, indices=[0, 1]) == [False] * 2
+    for wrapper in (Monitor, gym.Wrapper, gym.wrappers.TimeLimit):
+        assert (
+            env.env_is_wrapped(wrapper) == dummy.env_is_wrapped(wrapper) == [wrapper is not gym.wrappers.TimeLimit] * 3
+        )
+    assert env.env_is_wrapped(Monitor, indices=[0, 1]) == [True] * 2
     assert equal(env.env_method("reset", seed=9, indices=1), dummy.env_method("reset", seed=9, indices=1))
     assert equal(env.env_method("reset"), dummy.env_method("reset"))
     action = np.full((3, 2), 0.25, np.float32)
-    assert equal(env.step(action), dummy.step(action))
+    for told, expected in zip(env.step(action), dummy.step(action), strict=True):
+        assert equal(*map(without_times, (told, expected))) if isinstance(told, list) else equal(told, expected)
     env.set_attr("note", "kept")
     assert env.get_attr("note") == ["kept"] * 3
     with pytest.raises(ValueError, match="lanes share their attributes"):
@@ -278,7 +358,9 @@ def test_a_pickled_adapter_goes_on_identically(make):
     env.step(np.zeros((3, 1)))
     twin = pickle.loads(pickle.dumps(env))
     for _ in range(5):
-        assert equal(*(one.step(np.zeros((3, 1))) for one in (env, twin)))
+        (*step, infos), (*other, others_infos) = (one.step(np.zeros((3, 1))) for one in (env, twin))
+        assert equal(step, other)
+        assert equal(without_times(infos), without_times(others_infos))
 
 
 def test_only_a_native_batch_in_the_mode_of_sb3_is_adapted():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
@@ -21,6 +22,7 @@ from sledenv.machine.extras import needs
 from sledenv.simulation.rules import checked_mapping, checked_seed
 
 with needs("agents", __name__):
+    from stable_baselines3.common.monitor import Monitor
     from stable_baselines3.common.vec_env import VecEnv
     from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
@@ -43,10 +45,11 @@ def make_vec_env(
     info: Sequence[str] = ("is_success",),
     **others: Any,
 ) -> SledVecEnv:
-    """Make the native batch of an environment: as ``stable_baselines3.common.env_util.make_vec_env``, without Monitor.
+    """Make the native batch of an environment: as ``stable_baselines3.common.env_util.make_vec_env``.
 
-    ``PPO("MlpPolicy", make_vec_env("sledenv/SledLaunch-v0", 1024)).learn(50_000)`` is a whole training run. Wrap the
-    batch in SB3's ``VecMonitor`` for the statistics of episodes.
+    ``PPO("MlpPolicy", make_vec_env("sledenv/SledLaunch-v0", 1024)).learn(50_000)`` is a whole training run. Lanes tell
+    of their episodes what SB3's ``Monitor`` does: ``ep_rew_mean``, ``evaluate_policy`` and ``EvalCallback`` have raw
+    returns, also where ``VecNormalize`` scales rewards.
 
     Parameters
     ----------
@@ -73,7 +76,7 @@ def make_vec_env(
     for name in others:
         if name in _OF_ENVIRONMENTS:
             raise TypeError(f"{name}: is an argument of the environment, give it in env_kwargs={{{name!r}: ...}}")
-        hint = "VecMonitor(..., filename) monitors it; stable_baselines3's make_vec_env makes lanes with wrappers"
+        hint = "VecMonitor(..., filename) writes a file; stable_baselines3's make_vec_env makes lanes with wrappers"
         raise TypeError(f"{name}: is no argument of a native batch, whose lanes have no wrappers of their own; {hint}")
     if not isinstance(env_id, str):
         raise TypeError(f"env_id = {env_id!r}: must be an id such as 'sledenv/SledLaunch-v0'")
@@ -99,7 +102,10 @@ def make_vec_env(
 
 
 class SledVecEnv(VecEnv):
-    """Adapter that gives what ``DummyVecEnv`` of the scalar environments gives, bit for bit.
+    """Adapter that gives what ``DummyVecEnv`` of the scalar environments in a ``Monitor`` each gives, bit for bit.
+
+    It does not wrap them in SB3's ``VecMonitor``, whose sums go on where a lane is reset alone, which has no
+    ``reset_infos`` of the lanes and cannot be pickled.
 
     Parameters
     ----------
@@ -122,6 +128,7 @@ class SledVecEnv(VecEnv):
         self.spec = native.spec
         super().__init__(native.num_envs, native.single_observation_space, native.single_action_space)
         self.metadata = METADATA
+        self._begun = time.time()
 
     def reset(self) -> NDArray[np.float32]:
         """Begin an episode in every lane, with the seeds and options set for this reset."""
@@ -150,12 +157,16 @@ class SledVecEnv(VecEnv):
         gymnasium.error.InvalidAction, gymnasium.error.ResetNeeded
             As the native environment.
         """
+        paid, steps = self.env.episodes.paid.copy(), self.env.episodes.steps.copy()  # lanes that end begin anew
         observations, rewards, terminated, truncated, info = self.env.step(self.actions)
         dones = terminated | truncated
         infos = lane_infos(info, self.num_envs)
+        returns, lengths = (paid + rewards).tolist(), (steps + 1).tolist()
+        elapsed = round(time.time() - self._begun, 6)
         for i in np.flatnonzero(dones).tolist():
             begun = infos[i]
-            infos[i] = begun.pop("final_info") | {"terminal_observation": begun.pop("final_obs")}
+            episode = {"r": round(returns[i], 6), "l": lengths[i], "t": elapsed}  # as Monitor has it
+            infos[i] = begun.pop("final_info") | {"episode": episode, "terminal_observation": begun.pop("final_obs")}
             self.reset_infos[i] = begun
         for lane, cut in zip(infos, (truncated & ~terminated).tolist(), strict=True):
             lane["TimeLimit.truncated"] = cut
@@ -197,8 +208,8 @@ class SledVecEnv(VecEnv):
     def env_is_wrapped(
         self, wrapper_class: type[gym.Wrapper[Any, Any, Any, Any]], indices: VecEnvIndices = None
     ) -> list[bool]:
-        """Return False for each lane: lanes of a batch have no wrappers of their own."""
-        return [False for _ in self._lanes(indices)]
+        """Return for each lane whether it has a wrapper: they tell what ``Monitor`` does, and have no other."""
+        return [issubclass(Monitor, wrapper_class) for _ in self._lanes(indices)]
 
     def _lanes(self, indices: VecEnvIndices) -> list[Lane]:
         return [Lane(self.env, range(self.num_envs)[i]) for i in self._get_indices(indices)]
