@@ -217,8 +217,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
 
     def close_extras(self, **kwargs: Any) -> None:
         """Close the windows, if there are any."""
-        for viewer in self.episodes.viewers:
-            viewer.close()
+        if hasattr(self, "episodes"):  # Gymnasium before 1.3 also closes what was refused by __init__
+            for viewer in self.episodes.viewers:
+                viewer.close()
 
     def snapshot(self) -> Snapshot:
         """Return where all lanes stand, their random streams included, as :meth:`SledLaunch.snapshot` does for one.
