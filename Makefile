@@ -5,6 +5,7 @@ BIN = $(VENV)/bin
 STAMP = $(VENV)/.installed
 CLIENTS ?= .venv-clients
 CLIENTS_STAMP = $(CLIENTS)/.installed
+CLIENTS_OF_ENVS = test_launch.py test_descent.py test_vector.py test_sb3.py # Gymnasium and stable-baselines3
 BENCH_STAMP = $(VENV)/.installed-bench
 DOCS_STAMP = $(VENV)/.installed-docs
 
@@ -89,16 +90,20 @@ bench: $(BENCH_STAMP) ## measure speed and write docs/performance.md (BENCH="pee
 bench-instructions: $(STAMP) ## count instructions a hop with valgrind (UPDATE=--update sets the baseline)
 	$(BIN)/python -m perf.instructions $(UPDATE)
 
-# RLlib fixes the version of gymnasium, so these clients have an environment of their own in which it is not pinned.
+# RLlib fixes the version of gymnasium, Tianshou asks for older pandas and (by virtualenv) filelock: these clients have an
+# environment of their own in which the three are not pinned.
 $(CLIENTS_STAMP): pyproject.toml constraints.txt
-	@echo "Creating $(CLIENTS): Ray, rl-baselines3-zoo, Minari and JAX are large, so this takes some minutes"
+	@echo "Creating $(CLIENTS): Ray, TorchRL, rl-baselines3-zoo, Minari and JAX are large, so this takes some minutes"
 	@$(PYTHON) -m venv $(CLIENTS)
 	@$(CLIENTS)/bin/python -m pip install --disable-pip-version-check -q \
-		-c <(grep -v '^gymnasium==' constraints.txt) -e '.[dev,minari,ray,zoo]'
+		-c <(grep -v '^\(filelock\|gymnasium\|pandas\)==' constraints.txt) -e '.[dev,minari,ray,tianshou,torchrl,zoo]'
 	@touch $@
 
+# Those of Gymnasium and stable-baselines3 run by themselves: rl_zoo3 replaces Gymnasium's TimeLimit when it is imported.
 clients: $(CLIENTS_STAMP) ## install the clients of docs/clients.md in .venv-clients and run their tests
-	$(CLIENTS)/bin/python -m pytest -q tests/clients
+	OMP_NUM_THREADS=1 $(CLIENTS)/bin/python -m pytest -q tests/clients
+	OMP_NUM_THREADS=1 $(CLIENTS)/bin/python -m pytest -q $(addprefix tests/envs/,$(CLIENTS_OF_ENVS))
+	@$(CLIENTS)/bin/python -m pip freeze | grep -iE '^(gymnasium|minari|optuna|ray|rl_zoo3|stable_baselines3|tianshou|torchrl)=='
 
 trial: ## install the wheel in an empty environment and try every command in an empty folder (EXTRAS="none benchmark agents")
 	PYTHON=$(PYTHON) .ci/trial $(EXTRAS)

@@ -22,10 +22,11 @@ def test_a_dataset_comes_back_as_it_was_played_and_its_environment_repeats_it(na
     """Oracle: the same episodes played without Minari; the environment that the dataset describes."""
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
     env_id = f"sledenv:sledenv/{name}-v0"
-    given = ["--env-id", env_id, "--episodes", str(EPISODES), "--seed", "7", "--dataset", f"{name.lower()}/random-v0"]
-    dataset = minari_dataset.main(given)
+    scenario, dataset_id = own_scenario("ice_drop"), f"{name.lower()}/random-v0"
+    given = ["--env-id", env_id, "--scenario", scenario, "--episodes", str(EPISODES), "--seed", "7"]
+    dataset = minari_dataset.main([*given, "--dataset", dataset_id])
     assert dataset.total_episodes == EPISODES
-    played, recovered = gym.make(env_id, scenario=own_scenario("ice_drop")), dataset.recover_environment()
+    played, recovered = gym.make(env_id, scenario=scenario), dataset.recover_environment()
     played.action_space.seed(7)
     for i, episode in enumerate(dataset.iterate_episodes()):
         observation, info = played.reset(seed=7 + i)

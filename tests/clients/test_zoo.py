@@ -13,6 +13,7 @@ from stable_baselines3 import PPO, SAC
 
 import sledenv  # noqa: F401  # registers what the saved models are tried on
 from sledenv.envs.sb3 import make_vec_env
+from tests.own_scenarios import own_scenario
 
 pytest.importorskip("rl_zoo3")
 
@@ -30,7 +31,16 @@ def test_the_zoo_trains_evaluates_and_saves_a_model_that_acts(algorithm, given, 
     command = [
         *(sys.executable, "-m", "rl_zoo3.train", "--algo", name, "--env", "sledenv/SledLaunch-v0"),
         *("--gym-packages", "sledenv", "--conf-file", str(CONFIGS / f"{name}.yaml"), "--num-threads", "1"),
-        *("--env-kwargs", "scenario:'ice_drop'", "--n-timesteps", "256", "--eval-freq", "128", "--seed", "0"),
+        *(
+            "--env-kwargs",
+            f"scenario:'{own_scenario('ice_drop')}'",
+            "--n-timesteps",
+            "256",
+            "--eval-freq",
+            "128",
+            "--seed",
+            "0",
+        ),
         *("--hyperparams", "n_envs:1", *given),
     ]
     subprocess.run(command, cwd=tmp_path, check=True, capture_output=True, text=True)
