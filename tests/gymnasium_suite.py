@@ -89,7 +89,6 @@ EXCLUDED = {
         "vector/test_async_vector_env.py::test_reset_async_vector_env": _LIST,
         "vector/test_async_vector_env.py::test_step_async_vector_env": _DISCRETE,
         "vector/test_sync_vector_env.py::test_call_sync_vector_env": _OWN,
-        "vector/test_vector_env.py::test_partial_reset": _LONG,
         "vector/test_vector_wrapper.py::test_vector_env_wrapper_attributes": _OWN,
         "wrappers/test_action_repeat.py::test_action_repeat_reward_accumulation": _DISCRETE,
         "wrappers/test_clip_reward.py::test_clip_reward_wrapper": _DISCRETE,
@@ -118,6 +117,7 @@ EXCLUDED = {
     },
     "launch": {
         "vector/test_vector_env.py::test_action_count_compatibility[Sync]": _ONE,
+        "vector/test_vector_env.py::test_partial_reset": _ONE,
         "wrappers/test_delay_observation.py::test_delay_values[2]": _ONE,
         "wrappers/test_delay_observation.py::test_delay_values[3]": _ONE,
         "wrappers/test_delay_observation.py::test_delay_values[4]": _ONE,
