@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import SEEN
-from sledenv.envs.task import FLIGHT, VERTEX
+from sledenv.envs.task import FLIGHT
 from sledenv.simulation.bodies import Body
+from sledenv.simulation.outlook import VERTEX
 from sledenv.simulation.support import support_heights
 
 Floats = NDArray[np.float32]

@@ -7,6 +7,7 @@ from typing import Any, Final, Self
 
 from sledenv.benchmark.problem import Problem
 from sledenv.scenarios.configuration import read_yaml, write_yaml
+from sledenv.simulation.outlook import ground_of
 
 from . import replan, ride_critic
 from .replan import Floats, Rides
@@ -49,6 +50,6 @@ class Agent(replan.Agent):
         worth, running, outcomes = self._earned(rides)
         if running.size:
             flights = outcomes[running]
-            seen = self._task.observe(rides.contexts[running], flights, vertices=rides.vertices[running])
+            seen = self._task.observe(rides.contexts[running], flights, ground=ground_of(rides.vertices[running]))
             worth[running] += self._critic.expected(seen)
         return worth

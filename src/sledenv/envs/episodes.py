@@ -210,7 +210,7 @@ class DescentEpisodes(Episodes):
             laws, slopes = task.scenario.laws(contexts), task.scenario.slopes(contexts)
             self.rides.launch(lanes, laws, slopes, launches, task.bodies_of(contexts))
         self.rides.await_flights(lanes)
-        self.seen[lanes] = task.observe(contexts, self.rides.outcomes(lanes))
+        self.seen[lanes] = task.observe(contexts, self.rides.outcomes(lanes), ground=self.rides.ground(lanes))
         return {"launch": launch_info(launches)} if "launch" in self.info_keys else {}
 
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
@@ -220,5 +220,5 @@ class DescentEpisodes(Episodes):
         self.trims[lanes] = self.task.spins(contexts, actions, self.steps[lanes])
         rides.hop(self.trims)  # the other lanes have ended
         batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
-        self.seen[lanes] = self.task.observe(contexts, batch.outcomes)
+        self.seen[lanes] = self.task.observe(contexts, batch.outcomes, ground=rides.ground(lanes))
         return batch

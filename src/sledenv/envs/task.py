@@ -19,10 +19,11 @@ from numpy.typing import NDArray
 from sledenv.envs.inputs import FIELDS, SEEN, Contexts, Given
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
-from sledenv.scenarios.tracks import AHEAD, BEHIND, normal_pairs, vertices_around
+from sledenv.scenarios.tracks import normal_pairs
 from sledenv.simulation.bodies import Body, Segment, records_of
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
+from sledenv.simulation.outlook import AHEAD, BEHIND, LANDING, PLACES, VERTEX, Ground, ground_of, look_out
 from sledenv.simulation.records import OUTCOME, REBOUND, Status
 from sledenv.simulation.ride import Ride, RideBatch
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
@@ -36,7 +37,15 @@ FLIGHT: Final = (
     *("left", "height", "sine", "cosine", "u", "v", "omega"),
     *("trim", "supplied", "time", "rebounds"),
 )
-VERTEX: Final = ("x", "y", "there")
+# Groups of columns of an observation, and those that an environment tells unless it is asked for others.
+GROUPS: Final = ("context", "state", "ground", "landing")
+USUAL: Final = GROUPS[:3]
+# By which landings are scaled, s, m, rad, m/s, m/s, rad and rad/s: so that entries vary by 0.1 to 0.7 (their standard
+# deviation over rides of the shipped scenarios with random trims). Then angles [rad] of the ground there; its heights by
+# these parts of the height of the bumps, the further away the more.
+_LANDING: Final = (1.28, 10.0, 0.35, 6.0, 12.0, 3.0, 10.0)
+_RISE: Final = 0.4
+_HEIGHTS: Final = 0.2 + 0.2 * np.minimum(np.abs(PLACES), 4.0)
 TRIM: Final = "trim"  # the control of a ride
 
 _DISTURBED = [Context._fields.index(name) for name in NOISY]
@@ -60,6 +69,7 @@ class TaskOptions(TypedDict, total=False):
     split: Split | None
     launch_noise: tuple[float, float] | None
     observe: Literal["all"] | Sequence[str]
+    columns: Sequence[str]
 
 
 def check_options(environment: type, given: Iterable[str]) -> None:
@@ -99,6 +109,9 @@ class Task:
         the scenario by default.
     observe : "all" or sequence of str
         Fields of :class:`sledenv.Context` that an agent sees; the others vary as before, but read 0.
+    columns : sequence of str
+        Groups of columns that an observation has: of "context", "state", "ground" and "landing", told in this order.
+        A launch has no state and no landing.
 
     Attributes
     ----------
@@ -143,6 +156,7 @@ class Task:
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
+        columns: Sequence[str] = USUAL,
     ) -> None:
         scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.scenario = scenario.ride() if ride else scenario
@@ -190,11 +204,23 @@ class Task:
         self._lent = 1.0 if rider is None else rider.trim_rad_s + _RARE * rider.noise_rad_s
         self._rotor = None if rider is None else rider.rotor_inertia_kg_m2
         self._shortest = 0.0 if rider is None else rider.shortest_flight_s
+        self.groups = _grouped(columns, ride)
         # Of which of the vertices around an agent is told.
         self._told = slice(0 if ride else BEHIND, BEHIND + AHEAD if self._reach > 0.0 else 0)
+        self._vertices = len(range(BEHIND + AHEAD)[self._told])
         places = [*(f"behind_{i}" for i in range(BEHIND, 0, -1)), *(f"ahead_{i}" for i in range(1, AHEAD + 1))]
-        vertices = (f"{place}_{entry}" for place in places[self._told] for entry in VERTEX)
-        self.observation_names = (*Context.seen, *(FLIGHT if ride else ()), *vertices)
+        names = {
+            "context": Context.seen,
+            "state": FLIGHT if ride else (),
+            "ground": tuple(f"{place}_{entry}" for place in places[self._told] for entry in VERTEX),
+            "landing": (
+                *(f"landing_{entry}" for entry in LANDING),
+                *(f"landing_{entry}_{place:+g}" for entry in ("height", "rise") for place in PLACES),
+            ),
+        }
+        self._landing = np.array([*_LANDING, *(_HEIGHTS * (self._relief or 1.0)), *[_RISE] * len(PLACES)])
+        self._lying = np.array([support_heights(body, np.zeros(1))[0] for body in self.bodies])
+        self.observation_names = tuple(name for group in self.groups for name in names[group])
         self.action_names = (TRIM,) if ride else self.controlled
         self.observation_space = spaces.Box(-1.0, 1.0, (len(self.observation_names),), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
@@ -208,6 +234,7 @@ class Task:
             "solver": self.solver,
             "launch_noise": tuple(self.noise.tolist()),
             "observe": self.observed,
+            "columns": self.groups,
         }
 
     def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Contexts:
@@ -287,7 +314,7 @@ class Task:
         contexts: Contexts,
         flights: np.ndarray | None = None,
         elsewhere: Scenario | None = None,
-        vertices: NDArray[np.float64] | None = None,
+        ground: Ground | None = None,
     ) -> NDArray[np.float32]:
         """Return what agents see, float32 in [-1, 1], shape (n, len(observation_names)).
 
@@ -302,31 +329,51 @@ class Task:
         elsewhere : Scenario, optional
             To which contexts and flights belong, if not to this one, see :meth:`Scenario.shifted`: what is seen is
             scaled as here, and may lie outside [-1, 1].
-        vertices : ndarray, shape (n, M, 2), optional
-            Of the ground, x and y [m], infinite where there are fewer; those of the contexts by default. Who has only
-            seen contexts does not know their tracks.
+        ground : pair of ndarray, optional
+            As of :func:`sledenv.simulation.outlook.ground_of`; that of the contexts by default. Who has only seen
+            contexts does not know their tracks.
         """
-        if vertices is None:
-            vertices = (elsewhere or self.scenario).vertices(contexts)
-        centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
-        parts = [np.where(self.varies, centred, 0.0)]
-        x = np.zeros(len(contexts)) if flights is None else flights["x"]
-        around, there, ground = vertices_around(vertices, x)
-        if flights is not None:
-            parts.append(self._scaled(contexts, flights, ground))
-        if self._reach > 0.0:
-            blocks = np.concatenate([around / (self._reach, self._relief), there[..., np.newaxis]], axis=-1)
-            parts.append(blocks[:, self._told].reshape(len(contexts), -1))
-        scaled = np.hstack(parts)
+        scenario = elsewhere or self.scenario
+        parts = {"context": self._centred(contexts)} if "context" in self.groups else {}
+        if flights is None:
+            flights = np.zeros(len(contexts), OUTCOME)
+        if self._reach > 0.0 or self.groups != GROUPS[:1]:
+            ahead = "landing" in self.groups
+            seen = look_out(
+                ground_of(scenario.vertices(contexts)) if ground is None else ground,
+                flights,
+                contexts[:, 0] if ahead else None,
+                scenario.slope_section.gravity_m_s2,
+                self._lying[self.scenario.shapes(contexts)] if ahead else None,
+            )
+            if "state" in self.groups:
+                parts["state"] = self._scaled(contexts, flights, seen.under)
+            if "ground" in self.groups and self._reach > 0.0:
+                blocks = seen.around[:, self._told] / (self._reach, self._relief, 1.0)
+                parts["ground"] = blocks.reshape(len(contexts), -1)
+            if ahead:
+                parts["landing"] = seen.landings / self._landing
+        scaled = np.hstack([parts[group] for group in self.groups if group in parts])
         scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
         return np.asarray(np.minimum(np.maximum(scaled, -1.0), 1.0) if elsewhere is None else scaled, np.float32)
+
+    def _centred(self, contexts: Contexts) -> NDArray[np.float64]:
+        """Scale the fields of contexts that agents may see, shape (n, 11)."""
+        centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
+        return np.where(self.varies, centred, 0.0)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations, up to the rounding of float32.
 
         What the agent controls is NaN: it is nobody's choice yet. What is hidden is in the middle of its range, and the
         track number 0.
+
+        Raises
+        ------
+        ValueError
+            If observations have no context.
         """
+        self._need("context")
         scaled = np.zeros((len(observations), FIELDS))
         scaled[:, :SEEN] = 0.5 * (observations[:, :SEEN].astype(np.float64) + 1.0)
         contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
@@ -362,8 +409,14 @@ class Task:
 
         Heights count from the ground under the mass centre. The ground is level with the plane before the first vertex
         that is seen and behind the last one, and a body that would not be clear of it is lifted.
+
+        Raises
+        ------
+        ValueError
+            If observations have no context, state or ground.
         """
-        block = observations[:, SEEN:].astype(np.float64)
+        self._need(*USUAL)
+        block = observations[:, SEEN : SEEN + len(FLIGHT) + len(VERTEX) * self._vertices].astype(np.float64)
         left, height, sine, cosine, u, v, omega, trim, supplied, *_ = block[:, : len(FLIGHT)].T
         contexts = self.contexts_seen(observations)
         x, phi = (1.0 - left) * self._way, np.arctan2(sine, cosine)
@@ -383,6 +436,12 @@ class Task:
         y = np.maximum(height * self._height, lowest)
         states = np.stack([x, y, phi, u * self._speed, v * self._speed, omega * self._spin], axis=-1)
         return Seen(states, trim * self._lent, supplied * self._energies(contexts), profiles)
+
+    def _need(self, *groups: str) -> None:
+        """Raise ValueError unless observations have some groups of columns."""
+        for group in groups:
+            if group not in self.groups:
+                raise ValueError(f"columns = {self.groups!r}: must have {group!r} where that is read from observations")
 
     def _scales(self, bounds: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
         """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch.
@@ -525,6 +584,18 @@ def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], coun
         if rebounds.size:
             rebounds[rows] = part.rebounds
     return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+
+
+def _grouped(columns: Sequence[str], ride: bool) -> tuple[str, ...]:
+    """Return the groups of columns that an observation has, in their order, or raise ValueError."""
+    known = GROUPS if ride else (GROUPS[0], GROUPS[2])
+    listed = not isinstance(columns, str) and isinstance(columns, Iterable)
+    given = tuple(columns) if listed else ()
+    if not ride and given == USUAL:  # a launch has none of a state
+        return known
+    if not given or not all(isinstance(name, str) and name in known for name in given):
+        raise ValueError(f"columns = {columns!r}: must be a sequence of any of {', '.join(map(repr, known))}")
+    return tuple(name for name in known if name in given)
 
 
 def _observed(observe: Literal["all"] | Sequence[str]) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from sledenv.kernel.collisions import collide, collide_each
 from sledenv.kernel.contacts import IMPACT, SPACE
 from sledenv.kernel.geometry import PIECE, build_pieces, height_at
 from sledenv.kernel.outline import BODY, complete, lowest_arms
+from sledenv.kernel.outlook import look_out
 from sledenv.kernel.params import ContactLaw, Limits, RigidLaw, Slope, State, incline_of, row_of
 from sledenv.kernel.records import OUTCOME, PHASE, REBOUND, TRAJECTORY, Written
 
@@ -54,6 +55,13 @@ def _lowest(bodies: np.ndarray, phi: np.ndarray, arcs: np.ndarray, arms: np.ndar
         arcs[i], arms[i, 0], arms[i, 1] = lowest_arms(body, wrap(phi[i]))
 
 
+def _lay_each(vertices: np.ndarray, tracks: np.ndarray, pieces: np.ndarray) -> None:
+    """Write the pieces of many profiles whose vertices lie one behind the other, one vertex fewer than pieces each."""
+    for i in range(tracks.shape[0]):
+        begin, end = int(tracks[i, 0]), int(tracks[i, 1])
+        build_pieces(vertices[begin - i : end - i - 1], pieces[begin:end])
+
+
 def _heights(pieces: np.ndarray, x: np.ndarray, heights: np.ndarray) -> None:
     """Write the heights of the ground at places."""
     for i in range(x.shape[0]):
@@ -79,6 +87,10 @@ _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _LANES, _WRITTEN, _SPACES, int)
 run_lay: Final = LIBRARY.entry("lay", build_pieces, _ROWS, _PIECES)
 run_heights: Final = LIBRARY.entry("heights", _heights, _PIECES, _DOUBLES, _DOUBLES)
+run_lay_each: Final = LIBRARY.entry("lay_each", _lay_each, _ROWS, _ROWS, _PIECES)
+run_outlook: Final = LIBRARY.entry(
+    *("outlook", look_out, _PIECES, _ROWS, _DOUBLES, float, _DOUBLES, _OUTCOMES, _DOUBLES, _ROWS, _ROWS)
+)
 run_embark: Final = LIBRARY.entry("embark", _embark, _BODIES, _PIECES, Slope, State, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _BODIES, _PIECES, Slope, State, float, float, _OUTCOMES)
 run_collision: Final = LIBRARY.entry(

@@ -32,9 +32,10 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.scenarios.terrain import Ground, placed, read_ground
-from sledenv.scenarios.tracks import AHEAD, TRACKS, Bumps, profiles_of, standard_normals
+from sledenv.scenarios.tracks import TRACKS, Bumps, profiles_of, standard_normals
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.checks import has_sharp_corner
+from sledenv.simulation.outlook import AHEAD
 from sledenv.simulation.records import MOST_ZONES, params
 from sledenv.simulation.rules import (
     FINITE,
@@ -500,7 +501,7 @@ class Scenario(Document):
     def vertices(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the vertices x, y of the ground of contexts of shape (N, 12), and their radii [m].
 
-        :func:`sledenv.scenarios.tracks.vertices_around` finds those next to a place.
+        :func:`sledenv.simulation.outlook.look_out` finds those next to a place.
 
         Returns
         -------

@@ -1,4 +1,4 @@
-"""What a whole number draws of many contexts at once, bumps and errors, and the vertices around places on the ground.
+"""What a whole number draws of many contexts at once: bumps and errors.
 
 The vertices of N grounds are an array of shape (N, M, 3), columns x, y and the radius with which each is rounded [m].
 Where a ground has fewer than M, the rest of its row is inf.
@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.scenarios.configuration import Pair
-from sledenv.simulation.scene import Profile, heights_of
+from sledenv.simulation.scene import Profile
 from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
@@ -21,8 +21,6 @@ Floats = NDArray[np.float64]
 
 TRACKS: Final = 2**32  # how many numbers there are, each of which draws a track
 LEAST: Final = 1e-3  # [m] shorter pieces are left out
-BEHIND: Final = 2  # vertices that are told of the ground behind a place
-AHEAD: Final = 8  # and ahead of it
 
 _GOLDEN = 0x9E3779B97F4A7C15
 _MIX = (30, 0xBF58476D1CE4E5B9), (27, 0x94D049BB133111EB)
@@ -70,47 +68,6 @@ class Bumps(NamedTuple):
         """Return how many bumps there can be."""
         shortest = self.gap[0] + self.face[0] + self.top[0] + (self.back or self.face)[0]
         return max(int((self.end - self.begin) / shortest) + 1, 0)
-
-
-def vertices_around(vertices: Floats, x: Floats) -> tuple[Floats, NDArray[np.bool_], Floats]:
-    """Return the vertices next to places: two behind them, then eight ahead, in the order of x.
-
-    Parameters
-    ----------
-    vertices : ndarray, shape (N, M, 3) or (1, M, 3)
-        Of one ground for all places, or of one a place: ``Scenario.vertices``.
-    x : ndarray, shape (N,)
-        Places [m] along the slope. A vertex at the place itself is behind it.
-
-    Returns
-    -------
-    ndarray, shape (N, 10, 2)
-        x and y [m] less those of the ground at the place; 0 where there is no such vertex.
-    ndarray of bool, shape (N, 10)
-        Whether there is.
-    ndarray, shape (N,)
-        y [m] of the ground at the place.
-    """
-    lanes, most = len(x), vertices.shape[1]
-    if not most:
-        return np.zeros((lanes, BEHIND + AHEAD, 2)), np.zeros((lanes, BEHIND + AHEAD), np.bool_), np.zeros(lanes)
-    if len(vertices) == 1:
-        reached, row = np.searchsorted(vertices[0, :, 0], x, side="right"), np.zeros((lanes, 1), np.intp)
-    else:
-        reached, row = (vertices[:, :, 0] <= x[:, np.newaxis]).sum(axis=1), np.arange(lanes)[:, np.newaxis]
-    places = reached[:, np.newaxis] + np.arange(-BEHIND, AHEAD)
-    found = vertices[row, np.clip(places, 0, most - 1), :2]
-    there = (places >= 0) & (places < most) & np.isfinite(found[..., 0])
-    found = np.where(there[..., np.newaxis], found, 0.0)
-    (x0, y0), (x1, y1) = found[:, BEHIND - 1].T, found[:, BEHIND].T
-    left, right = there[:, BEHIND - 1], there[:, BEHIND]
-    share = np.divide(x - x0, x1 - x0, out=np.zeros(lanes), where=left & right)
-    ground = np.where(left, y0, y1) + share * (y1 - y0)
-    for lane in np.flatnonzero((np.where(np.isfinite(vertices[..., 2]), vertices[..., 2], 0.0) > 0.0).any(axis=1)):
-        lanes_of = slice(None) if len(vertices) == 1 else slice(lane, lane + 1)
-        ground[lanes_of] = heights_of(vertices[lane, np.isfinite(vertices[lane, :, 0])], x[lanes_of])
-    here = np.stack([x, ground], axis=-1)
-    return np.where(there[..., np.newaxis], found - here[:, np.newaxis], 0.0), there, here[:, 1]
 
 
 def standard_normals(numbers: Floats, decisions: NDArray[np.int64]) -> Floats:

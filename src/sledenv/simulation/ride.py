@@ -400,6 +400,16 @@ class RideBatch(_Lanes):
         # Records are copied whole by take, but field by field through an index.
         return self._flights.copy() if lanes is None else self._flights.take(self._numbered(lanes))
 
+    def ground(self, lanes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the ground of lanes of numbers (n,), as :mod:`sledenv.simulation.outlook` takes it.
+
+        Raises
+        ------
+        IndexError
+            For a lane that is not there.
+        """
+        return (self._tracks if len(self._tracks) == 1 else self._tracks[self._numbered(lanes)]), self._pieces
+
     def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
         """Return the descents so far, those of all lanes or of some; later hops do not change them."""
         chosen = np.arange(len(self._flights)) if lanes is None else self._numbered(lanes)

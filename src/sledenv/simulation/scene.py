@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel import params
-from sledenv.kernel.entries import run_heights, run_lay
+from sledenv.kernel.entries import run_heights, run_lay, run_lay_each
 from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.rules import (
@@ -67,10 +67,9 @@ def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
             return _plane()
         return np.array([[0.0, len(vertices) + 1.0]]), pieces_of(vertices)
     ends = np.cumsum([len(vertices) + 1 for vertices in tracks.vertices])
-    spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1), np.zeros(ends[-1], PIECE)
-    for vertices, (begin, end) in zip(tracks.vertices, spans.tolist(), strict=True):
-        run_lay(vertices, pieces[begin:end])
-    return spans[tracks.numbers].astype(float), pieces
+    spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1).astype(float), np.zeros(ends[-1], PIECE)
+    run_lay_each(np.concatenate(tracks.vertices), spans, pieces)
+    return spans[tracks.numbers], pieces
 
 
 def checked_profile(given: Any, rounding: Any = 0.0) -> Profile:
