@@ -23,6 +23,7 @@ from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import FLIGHT, Task
 from sledenv.scenarios.tracks import TRACKS, standard_normals
+from sledenv.simulation.outlook import ground_of
 from sledenv.simulation.support import support_height
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -188,8 +189,8 @@ def test_ground_that_is_given_is_seen_in_place_of_that_of_the_track():
     others = contexts.copy()
     others[:, sledenv.Context._fields.index("track")] = contexts[::-1, sledenv.Context._fields.index("track")]
     assert not np.array_equal(task.observe(others, rides.outcomes()), seen)
-    assert np.array_equal(task.observe(others, rides.outcomes(), vertices=vertices), seen)
-    cut = task.observe(others, rides.outcomes(), vertices=vertices[:, :4]).reshape(20, -1)
+    assert np.array_equal(task.observe(others, rides.outcomes(), ground=ground_of(vertices)), seen)
+    cut = task.observe(others, rides.outcomes(), ground=ground_of(vertices[:, :4])).reshape(20, -1)
     behind = (vertices[:, :4, 0] <= rides.outcomes()["x"][:, np.newaxis]).sum(axis=1)
     ahead = cut[:, -24:].reshape(20, 8, 3)
     assert (ahead[..., 2].sum(axis=1) == 4 - behind).all()

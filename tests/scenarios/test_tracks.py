@@ -13,7 +13,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from sledenv.scenarios.scenario import Context, Scenario
-from sledenv.scenarios.tracks import AHEAD, BEHIND, TRACKS, profiles_of, vertices_around
+from sledenv.scenarios.tracks import TRACKS
 from sledenv.simulation.scene import Slope, Zone, checked_profile
 from tests.scenarios.test_scenario import DELETE, POLYGON, changed, problems
 
@@ -304,43 +304,3 @@ def drawn_in(scenario: Scenario, split: Any) -> list[float]:
     draws[:, -1] = np.repeat(draws[:50, -1], 10) + np.tile(np.arange(10), 50) * 2.0**-32  # as near as numbers are
     tracks: list[float] = scenario.contexts(np.minimum(draws, 1 - 2.0**-53), split)[:, -1].tolist()
     return tracks
-
-
-# What is seen of the ground from a place.
-
-
-def slowly_around(profile: list[tuple[float, float]], x: float) -> tuple[list[list[float]], list[bool]]:
-    """Two vertices behind a place and eight ahead, one after the other."""
-    ground = float(np.interp(x, *np.array(profile).T)) if profile else 0.0
-    behind = [vertex for vertex in profile if vertex[0] <= x][-BEHIND:]
-    ahead = [vertex for vertex in profile if vertex[0] > x][:AHEAD]
-    slots = [None] * (BEHIND - len(behind)) + behind + ahead + [None] * (AHEAD - len(ahead))
-    relative = [[0.0, 0.0] if one is None else [one[0] - x, one[1] - ground] for one in slots]
-    return relative, [one is not None for one in slots]
-
-
-@given(
-    st.lists(st.integers(0, 14), min_size=1, max_size=6), st.integers(0, 2**32), st.booleans(), st.sampled_from([0, 1])
-)
-def test_vertices_around_places_are_those_that_a_slow_search_finds(
-    counts: list[int], seed: int, one: bool, exact: int
-) -> None:
-    """Oracle: a search vertex by vertex; of one ground for all or of one each, at vertices and between."""
-    rng = np.random.default_rng(seed)
-    profiles = []
-    for count in counts[:1] if one else counts:
-        x = np.cumsum(rng.uniform(0.2, 3.0, count))
-        profiles.append([(float(a), float(b)) for a, b in zip(x, rng.normal(size=count), strict=True)])
-    vertices = np.full((len(profiles), max(map(len, profiles)), 3), np.inf)
-    for row, profile in zip(vertices, profiles, strict=True):
-        row[: len(profile)] = np.array([(*vertex, 0.0) for vertex in profile]).reshape(-1, 3)
-    assert profiles_of(vertices) == [tuple((*vertex, 0.0) for vertex in profile) for profile in profiles]
-    places = rng.uniform(-2.0, 25.0, len(counts))
-    if exact and vertices.shape[1]:
-        at = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]
-        places = np.where(np.isfinite(at), at, places)
-    relative, there, _ = vertices_around(vertices, places)
-    for i, place in enumerate(places.tolist()):
-        expected, mask = slowly_around(profiles[0 if one else i], place)
-        np.testing.assert_allclose(relative[i], expected, rtol=0.0, atol=1e-12)
-        assert there[i].tolist() == mask

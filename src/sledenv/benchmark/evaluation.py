@@ -17,6 +17,7 @@ from scipy.stats import bootstrap
 from sledenv.benchmark.problem import Environment, Policy, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean
+from sledenv.envs.task import USUAL
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import Scenario, load_scenario
 
@@ -106,6 +107,7 @@ def evaluate(
     control: str | None = None,
     launch_noise: tuple[float, float] | None = None,
     observe: Literal["all"] | Sequence[str] | None = None,
+    columns: Sequence[str] | None = None,
     shifted: bool = False,
     normalize: Any = None,
 ) -> Evaluation:
@@ -128,7 +130,7 @@ def evaluate(
     environment : {"descent", "launch"}, optional
         Whether the policy trims the flights of a ride or chooses the launch. By default "descent" where a rider meets a
         track, "launch" elsewhere.
-    control, launch_noise, observe
+    control, launch_noise, observe, columns
         As the policy was trained with; the defaults are those of the environments. A run has its own.
     shifted : bool
         Evaluate in contexts of a kind that no one trains on, those of :meth:`sledenv.Scenario.shifted`, seen on the
@@ -176,7 +178,7 @@ def evaluate(
     agent: Policy
     if isinstance(policy, str | os.PathLike):
         given = {"environment": environment, "control": control, "launch_noise": launch_noise, "observe": observe}
-        for name, value in (given | {"normalize": normalize}).items():
+        for name, value in (given | {"columns": columns, "normalize": normalize}).items():
             if value is not None:
                 raise ValueError(f"{name} = {value!r}: must be left out, the run {os.fspath(policy)} has its own")
         problem, agent, config = load_run(Path(policy))
@@ -186,8 +188,9 @@ def evaluate(
         if asked is None:
             raise TypeError("scenario = None: must be the name or the file of a scenario, or a Scenario")
         kind: Environment = environment if environment is not None else "descent" if asked.is_ride else "launch"
-        seen = "all" if observe is None else observe
-        problem = Problem(asked, kind, control, launch_noise=launch_noise, observe=seen)
+        seen: dict[str, Any] = {"observe": "all" if observe is None else observe}
+        seen["columns"] = USUAL if columns is None else columns
+        problem = Problem(asked, kind, control, launch_noise=launch_noise, **seen)
         name = _name(policy)
         agent = _as_agent(policy, name, problem, normalize)
     return evaluation_of(problem.shifted() if shifted else problem, agent, count, name)

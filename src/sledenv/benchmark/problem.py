@@ -16,7 +16,7 @@ from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
-from sledenv.envs.task import Task
+from sledenv.envs.task import USUAL, Task
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
@@ -89,6 +89,8 @@ class Problem:
         scenario by default.
     observe : "all" or sequence of str
         Fields of the context that the agent sees, as for :class:`sledenv.envs.task.Task`.
+    columns : sequence of str
+        Groups of columns that it sees, as there.
 
     Attributes
     ----------
@@ -112,12 +114,14 @@ class Problem:
         solver: Solver = "compliant",
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
+        columns: Sequence[str] = USUAL,
     ) -> None:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))
             raise ValueError(f"environment = {environment!r}: must be one of {known}")
         ride = environment == "descent"
-        self.task = Task(scenario, control, ride=ride, solver=solver, launch_noise=launch_noise, observe=observe)
+        seen: dict[str, Any] = {"observe": observe, "columns": columns}
+        self.task = Task(scenario, control, ride=ride, solver=solver, launch_noise=launch_noise, **seen)
         self.scenario = self.task.scenario
         self.environment = environment
         self.id = ENVIRONMENTS[environment]
@@ -134,6 +138,7 @@ class Problem:
         """Keywords, but for a split, of an environment of ``id`` that shows and asks what agents are judged on."""
         task = self.task
         kwargs = {"scenario": self.scenario, "solver": task.solver, "observe": task.observed}
+        kwargs["columns"] = task.groups
         kwargs["launch_noise"] = tuple(self.noise.tolist())
         return kwargs if self.environment == "descent" else kwargs | {"control": self.control}
 
@@ -144,7 +149,7 @@ class Problem:
         """
         task, noise = self.task, tuple(self.noise.tolist())
         given = self.scenario.shifted(), self.environment, self.control
-        other = Problem(*given, solver=task.solver, launch_noise=noise, observe=task.observed)
+        other = Problem(*given, solver=task.solver, launch_noise=noise, observe=task.observed, columns=task.groups)
         other._seen_by = task
         return other
 

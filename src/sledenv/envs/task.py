@@ -41,8 +41,8 @@ FLIGHT: Final = (
 GROUPS: Final = ("context", "state", "ground", "landing")
 USUAL: Final = GROUPS[:3]
 # By which landings are scaled, s, m, rad, m/s, m/s, rad and rad/s: so that entries vary by 0.1 to 0.7 (their standard
-# deviation over rides of the shipped scenarios with random trims). Then angles [rad] of the ground there; its heights by
-# these parts of the height of the bumps, the further away the more.
+# deviation over rides of the shipped scenarios with random trims). Then angles [rad] of the ground there, and its
+# heights by these parts of the height of the bumps, the further away the more.
 _LANDING: Final = (1.28, 10.0, 0.35, 6.0, 12.0, 3.0, 10.0)
 _RISE: Final = 0.4
 _HEIGHTS: Final = 0.2 + 0.2 * np.minimum(np.abs(PLACES), 4.0)

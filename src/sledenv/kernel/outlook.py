@@ -29,9 +29,16 @@ _HALVINGS: Final = 30  # of a step: the time of a landing is as exact as doubles
 
 @kernel
 def _ground_at(pieces: np.ndarray, last: int, x: float) -> tuple[float, float, float]:
-    """Height [m] and tangent of the ground at a place as far as it is told: behind the vertex ``last`` it is level."""
+    """Height [m] and tangent of the ground at a place as far as it is told: behind the vertex ``last`` it is level.
+
+    That vertex is sharp: how it is rounded depends on what is behind it.
+    """
     if last < pieces.shape[0] and x > pieces[last]["bx"]:
-        return pieces[last]["by"], 1.0, 0.0
+        vertex, before = pieces[last], pieces[last - 1]
+        if x >= vertex["x"]:
+            return vertex["y"], 1.0, 0.0
+        tx, ty = before["tx"], before["ty"]
+        return vertex["y"] + (x - vertex["x"]) * (ty / tx), tx, ty
     along, up = tangent_at(pieces, x)
     return height_at(pieces, x), along, up
 

@@ -1,0 +1,189 @@
+"""What is told of the ground around a place and of a landing, against slow and obvious versions."""
+
+from __future__ import annotations
+
+import math
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import sledenv
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.sb3 import make_vec_env
+from sledenv.envs.task import GROUPS, USUAL, Task
+from sledenv.envs.vector import SledDescentVector
+from sledenv.scenarios.tracks import profiles_of
+from sledenv.simulation.outlook import AHEAD, BEHIND, LANDING, PLACES, ground_of, look_out
+from sledenv.simulation.records import OUTCOME
+from sledenv.simulation.scene import Slope
+
+Profile = list[tuple[float, float]]
+
+
+def slowly_around(profile: Profile, x: float) -> tuple[list[list[float]], list[bool]]:
+    """Two vertices behind a place and eight ahead, one after the other."""
+    ground = float(np.interp(x, *np.array(profile).T)) if profile else 0.0
+    behind = [vertex for vertex in profile if vertex[0] <= x][-BEHIND:]
+    ahead = [vertex for vertex in profile if vertex[0] > x][:AHEAD]
+    slots = [None] * (BEHIND - len(behind)) + behind + ahead + [None] * (AHEAD - len(ahead))
+    relative = [[0.0, 0.0] if one is None else [one[0] - x, one[1] - ground] for one in slots]
+    return relative, [one is not None for one in slots]
+
+
+def at(places: np.ndarray) -> np.ndarray:
+    """Flights that begin at places."""
+    flights = np.zeros(len(places), OUTCOME)
+    flights["x"] = places
+    return flights
+
+
+@given(
+    st.lists(st.integers(0, 14), min_size=1, max_size=6), st.integers(0, 2**32), st.booleans(), st.sampled_from([0, 1])
+)
+def test_vertices_around_places_are_those_that_a_slow_search_finds(
+    counts: list[int], seed: int, one: bool, exact: int
+) -> None:
+    """Oracle: a search vertex by vertex; of one ground for all or of one each, at vertices and between."""
+    rng = np.random.default_rng(seed)
+    profiles: list[Profile] = []
+    for count in counts[:1] if one else counts:
+        x = np.cumsum(rng.uniform(0.2, 3.0, count))
+        profiles.append([(float(a), float(b)) for a, b in zip(x, rng.normal(size=count), strict=True)])
+    vertices = np.full((len(profiles), max(map(len, profiles)), 3), np.inf)
+    for row, profile in zip(vertices, profiles, strict=True):
+        row[: len(profile)] = np.array([(*vertex, 0.0) for vertex in profile]).reshape(-1, 3)
+    assert profiles_of(vertices) == [tuple((*vertex, 0.0) for vertex in profile) for profile in profiles]
+    places = rng.uniform(-2.0, 25.0, len(counts))
+    if exact and vertices.shape[1]:
+        found = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]
+        places = np.where(np.isfinite(found), found, places)
+    seen = look_out(ground_of(vertices), at(places))
+    assert seen.landings.shape[0] == 0
+    for i, place in enumerate(places.tolist()):
+        expected, mask = slowly_around(profiles[0 if one else i], place)
+        np.testing.assert_allclose(seen.around[i, :, :2], expected, rtol=0.0, atol=1e-12)
+        assert seen.around[i, :, 2].tolist() == mask
+
+
+# Landings.
+
+
+def slow_landing(slope: Slope, flight: np.void, lying: float) -> tuple[float, float]:
+    """Time and place of a landing, by a march in steps of a tenth of a millisecond."""
+    t = np.arange(1, 12_801) * 1e-4
+    downhill, inward = slope.gravity * math.sin(slope.angle), slope.gravity * math.cos(slope.angle)
+    x = flight["x"] + (flight["u"] + 0.5 * downhill * t) * t
+    y = flight["y"] + (flight["v"] - 0.5 * inward * t) * t
+    ground, ahead = slope.height_at(x), slope.height_at(x + 1e-6)
+    rise = (ahead - ground) / 1e-6
+    clear = (y - ground) / np.sqrt(1.0 + rise * rise) - lying
+    falls = flight["v"] - inward * t < rise * (flight["u"] + downhill * t)
+    first = int(np.argmax((clear <= 0.0) & falls))
+    return float(t[first]), float(x[first])
+
+
+@pytest.mark.parametrize("rounding", [0.0, 1.5])
+def test_a_landing_is_where_a_march_along_the_parabola_meets_the_ground(rounding: float) -> None:
+    """Oracle: a slow march, and the heights that the slope tells; velocities and pose by closed forms."""
+    rng, lying = np.random.default_rng(5), 0.12
+    profile = [(1.0, 0.0), (4.0, 0.5), (4.6, 0.5), (7.0, 0.0), (9.0, 0.1), (12.0, 0.6), (15.0, 0.0)]
+    slope = Slope(0.08, 40.0, profile=profile, rounding=rounding)
+    for _ in range(40):
+        flights = np.zeros(1, OUTCOME)
+        flights["x"], flights["phi"] = rng.uniform(0.0, 5.0), rng.uniform(-9.0, 9.0)
+        flights["y"] = slope.height_at(flights["x"]) + lying + rng.uniform(0.02, 0.6)
+        flights["u"], flights["v"], flights["omega"] = rng.uniform(2.0, 9.0), rng.uniform(0.0, 2.0), rng.normal()
+        flights["trim"] = 0.3
+        seen = look_out(
+            ground_of(slope.vertices[np.newaxis]), flights, np.array([0.08]), slope.gravity, np.array([lying])
+        )
+        found = dict(zip(LANDING, seen.landings[0, : len(LANDING)].tolist(), strict=True))
+        time, x = slow_landing(slope, flights[0], lying)
+        if abs(found["time"] - time) > 0.021:  # a skim between two looks
+            continue
+        assert found["time"] == pytest.approx(time, abs=2e-4)
+        assert found["distance"] == pytest.approx(x - flights["x"][0], abs=2e-3)
+        place = found["distance"] + flights["x"][0]
+        pitch = math.atan((slope.height_at(place + 1e-7) - slope.height_at(place - 1e-7)) / 2e-7)
+        if abs(pitch - found["pitch"]) < 1e-5:  # not at a vertex
+            u = flights["u"][0] + slope.gravity * math.sin(0.08) * found["time"]
+            v = flights["v"][0] - slope.gravity * math.cos(0.08) * found["time"]
+            assert found["approach"] == pytest.approx(math.sin(pitch) * u - math.cos(pitch) * v, abs=1e-4)
+            assert found["speed"] == pytest.approx(math.cos(pitch) * u + math.sin(pitch) * v, abs=1e-4)
+            pose = flights["phi"][0] + (flights["omega"][0] - 0.3) * found["time"] - pitch
+            assert math.remainder(found["pose"] - pose, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-5)
+        assert found["spin"] == pytest.approx(flights["omega"][0] - 0.3)
+        heights = seen.landings[0, len(LANDING) : len(LANDING) + len(PLACES)]
+        told = np.array(PLACES) + place < slope.vertices[-1, 0] - 0.5  # the ninth vertex is none here
+        expected = slope.height_at(place + np.array(PLACES)) - slope.height_at(place)
+        np.testing.assert_allclose(heights[told], expected[told], atol=1e-9)
+
+
+def test_nothing_is_told_of_ground_behind_the_eighth_vertex() -> None:
+    """Oracle: another ground behind it leaves all that is told."""
+    x = np.arange(1.0, 13.0)
+    one = np.column_stack([x, np.tile([0.0, 0.3], 6), np.full(12, 0.2)])
+    other = one.copy()
+    other[8:, 1] += 0.5
+    flights = np.zeros(1, OUTCOME)
+    flights["x"], flights["y"], flights["u"], flights["v"] = 0.5, 1.5, 9.0, 4.0
+    asked = flights, np.array([0.1]), 9.81, np.array([0.1])
+    first, second = (look_out(ground_of(rows[np.newaxis]), *asked) for rows in (one, other))
+    assert first.landings.tobytes() == second.landings.tobytes()
+    assert first.around.tobytes() == second.around.tobytes()
+
+
+# What environments make of it.
+
+
+def test_columns_can_be_chosen_and_are_the_same_in_all_kinds_of_environments() -> None:
+    """Oracle: the usual observation; lane by lane the scalar environment, bit for bit."""
+    kwargs = {"scenario": "sled_rollers", "columns": GROUPS}
+    native = SledDescentVector(3, autoreset_mode="Disabled", info=(), **kwargs)
+    adapter = make_vec_env(DESCENT_ID, 3, seed=7, env_kwargs=kwargs)
+    scalars = [gym.make(DESCENT_ID, **kwargs) for _ in range(3)]
+    usual = gym.make(DESCENT_ID, scenario="sled_rollers")
+    seen, theirs = native.reset(seed=7)[0], adapter.reset()
+    assert seen.shape == (3, 52 + len(LANDING) + 2 * len(PLACES)) == theirs.shape
+    assert scalars[0].unwrapped.observation_names[52:55] == ("landing_time", "landing_distance", "landing_pitch")
+    for i, scalar in enumerate(scalars):
+        assert np.array_equal(scalar.reset(seed=7 + i)[0], seen[i])
+        assert np.array_equal(theirs[i], seen[i])
+    assert np.array_equal(usual.reset(seed=7)[0], seen[0, :52])
+    actions = np.array([[0.3], [-0.2], [0.0]], np.float32)
+    stepped, *_ = native.step(actions)
+    assert np.array_equal(scalars[1].step(actions[1])[0], stepped[1])
+    alone = Task("sled_rollers", ride=True, columns=["landing", "context"])
+    assert alone.groups == ("context", "landing")
+
+
+@pytest.mark.parametrize("columns", ["landing", ["landings"], [], 3, [1]])
+def test_unknown_columns_are_refused_by_name(columns: object) -> None:
+    with pytest.raises(ValueError, match=r"columns = .*: must be a sequence of any of 'context', 'state', 'ground'"):
+        gym.make(DESCENT_ID, columns=columns)
+
+
+def test_a_launch_has_no_landing_and_what_is_not_told_cannot_be_read() -> None:
+    with pytest.raises(ValueError, match=r"columns = \('landing',\): must be .* 'context', 'ground'$"):
+        gym.make(LAUNCH_ID, columns=("landing",))
+    task = Task("sled_rollers", ride=True, columns=("context", "landing"))
+    assert Task("sled_rollers", ride=True).groups == USUAL
+    with pytest.raises(ValueError, match="must have 'state'"):
+        task.flights_seen(np.zeros((1, len(task.observation_names)), np.float32))
+
+
+def test_a_policy_is_evaluated_with_the_columns_it_sees() -> None:
+    """Oracle: the share of contexts is the same, and a policy that sees fewer columns gets another shape."""
+    shapes = []
+
+    def still(observations: np.ndarray) -> np.ndarray:
+        shapes.append(observations.shape[1])
+        return np.zeros((len(observations), 1))
+
+    one = sledenv.evaluate(still, "sled_rollers", contexts=10, columns=GROUPS)
+    other = sledenv.evaluate(still, "sled_rollers", contexts=10)
+    assert one.mean == other.mean
+    assert set(shapes) == {52, 99}
