@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from gymnasium import spaces
 from stable_baselines3 import PPO
-from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+from stable_baselines3.common.vec_env import VecCheckNan, VecNormalize
 
 import sledenv
 from sledenv.agents import land_parallel
@@ -121,8 +121,8 @@ def test_what_is_not_observed_reads_nothing_and_shifted_contexts_are_seen_on_the
 
 
 def trained(normalized: bool) -> Any:
-    lanes = VecMonitor(make_vec_env("sledenv/SledDescent-v0", 8, 0, env_kwargs={"scenario": RIDE, "split": "train"}))
-    env = VecMonitor(VecNormalize(lanes)) if normalized else lanes
+    lanes = make_vec_env("sledenv/SledDescent-v0", 8, 0, env_kwargs={"scenario": RIDE, "split": "train"})
+    env = VecCheckNan(VecNormalize(lanes)) if normalized else lanes
     model = PPO("MlpPolicy", env, n_steps=16, batch_size=64, n_epochs=2, seed=0, device="cpu")
     return model.learn(256)
 
