@@ -225,7 +225,7 @@ def test_the_notebook_from_the_environment_to_a_regret_says_what_it_computes(cap
     names = notebook("train_and_judge")
     regret = names["scores"]["mean regret"]
     assert regret["before learning"] > 0.1
-    assert names["scores"]["worst regret"]["PPO"] < 0.04
+    assert names["scores"]["worst regret"]["PPO"] < 0.05  # near the best in all four contexts
     assert 0.19 < regret["land flat"] < 0.22
     assert np.ptp([rewards[20] for rewards in names["missed"].values()]) < 0.03  # hit exactly
     missed = {name: rewards.mean() for name, rewards in names["missed"].items()}

@@ -113,6 +113,7 @@ def _watch_entry(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, s
             poly[k] = tx * s["x"][k] + ty * s["y"][k]
             poly[k] = out * (poly[k] + (tx * cx + ty * cy) * s["cosine"][k] + (ty * cx - tx * cy) * s["sine"][k])
         poly[0] -= out * (tx * x + ty * y + place)
+        poly[0] += 2.0 * near  # it is looked at again where it is in by as much as counts
         if poly[0] >= near:
             shorten_to_first_root(space, 0, NOTHING, 0, 0)
 

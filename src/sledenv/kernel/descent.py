@@ -184,7 +184,8 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
         event["time"] = math.nan
         return
     if space["stalled"] > MOST_STALLED:
-        event["time"] *= space["forced"]
+        fast = abs(motion["u"]) + abs(motion["v"]) + size * abs(motion["omega"]) + math.sqrt(size * slope.gravity)
+        event["time"] = min(event["time"], size / fast) * space["forced"]
         space["forced"] = min(space["forced"] * FASTER, LARGEST)
     else:
         guards.watch_contacts(body, pieces, space)

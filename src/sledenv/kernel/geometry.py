@@ -157,10 +157,10 @@ def end_of_reach(body: np.void, pieces: np.ndarray, a: int, j: int, step: int) -
             return step * math.inf, False
         x, y = (pieces[b]["ex"], pieces[b]["ey"]) if step < 0 else (pieces[b]["bx"], pieces[b]["by"])
         along, over = along_piece(piece, x, y), piece["tx"] * (y - piece["y"]) - piece["ty"] * (x - piece["x"])
+        if step * (along - place) < 0.0:  # it turns back
+            return place, False
         if over > most:
             return place + (along - place) * (most - height) / (over - height), False
-        if step * (along - place) < 0.0:
-            return place, False
         place, height = along, over
     return place, 0 < b < pieces.shape[0]
 
