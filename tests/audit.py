@@ -40,6 +40,7 @@ MOST_STEPS = 800  # in contact: of a descent that takes more, a first part of ab
 SLOW = 2.0  # [s] of processor time
 BURIED = 0.25  # of the size: a body that is deeper in the ground is buried, and one whose mass centre is in it
 ENDS: Final = ("finish", "jammed", "timeout", "log_full", "buried")
+THIN = 0.05  # of the size: the mass centre of a body whose lowest position is below this may come under the ground
 LOSSES: Final = ("hysteresis", "sliding", "rolling", "stored")
 
 # Tolerances: far above rounding, far below what anyone would see.
@@ -136,6 +137,13 @@ def turnover(descent: sledenv.Descent) -> float:
     return max(descent.energy.turnover, descent.body.mass * descent.slope.gravity * descent.body.size, 1e-300)
 
 
+def lowest(body: sledenv.Body) -> float:
+    """Lowest height [m] of the mass centre over a plane that the body touches: its hull is that of its circles."""
+    angles = np.linspace(-math.pi, math.pi, 3601)
+    down = [arc.radius - arc.x * np.sin(angles) - arc.y * np.cos(angles) for arc in body.arcs]
+    return float(np.max(down, axis=0).min())
+
+
 def mechanical(descent: sledenv.Descent, motions: np.ndarray) -> np.ndarray:
     """Kinetic and potential energy [J] of motions (n, 6)."""
     x, y, _, u, v, omega = motions.T
@@ -228,7 +236,8 @@ def of_rows(descent: sledenv.Descent, found: Found) -> list[Fault]:
     deepest, end = max(outline[-1], geometry[-1, CREST]), float(found.times[-1])
     last = 1, len(found.times) - 1, end
     if not buried:
-        deep = np.where((outline > BURIED * size) | (centre > 0.0), np.maximum(outline, centre), 0.0)
+        under = max(THIN * size - lowest(descent.body), 0.0)
+        deep = np.where((outline > BURIED * size) | (centre > under), np.maximum(outline, centre), 0.0)
         check("not buried", deep / size, 0.0, "of size")
     elif not (deepest > BURIED * size * (1.0 - 1e-3) or centre[-1] > -1e-3 * size):
         faults.append(Fault("buried too early", float(deepest) / size, "of size", *last))

@@ -27,7 +27,7 @@ from setuptools import build_meta
 folder = sys.argv[1]  # setuptools changes sys.argv
 source = build_meta.build_sdist(folder)
 with tarfile.open(os.path.join(folder, source)) as archive:
-    archive.extractall(folder, filter="data")
+    archive.extractall(folder)
 os.chdir(os.path.join(folder, source.removesuffix(".tar.gz")))
 build_meta.build_wheel(folder)
 """
