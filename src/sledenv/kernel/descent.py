@@ -45,7 +45,8 @@ from sledenv.kernel.strike import AGAIN, most_normal, release_or_strike, strike
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
-STEPS_OF_A_SWING: Final = 1000  # in which a descent gets on by one swing of its springs, or ends
+STEPS_OF_SWINGS: Final = 4000  # in which a descent gets on by as many swings of its springs, or ends:
+SWINGS: Final = 4  # bursts of events are no standstill
 AT_ONCE: Final = 1e-12  # of the longest step: a step that is not longer is no progress
 FASTER: Final = 8.0  # times as long is each small step more in a row, up to LARGEST of a step
 LARGEST: Final = 1e-4
@@ -87,18 +88,18 @@ def _stop(
 
 @kernel
 def _gets_on(body: np.void, flight: np.void, space: np.void) -> bool:
-    """Whether the last so many steps in contact were together longer than a swing of the body on its stiffest spring.
+    """Whether so many last steps in contact were together longer than some swings of the body on its stiffest spring.
 
     A step is some tenth of a swing. Where events follow one another without an end, steps become ever shorter.
     """
-    if flight["steps"] - space["marked_steps"] < STEPS_OF_A_SWING:
+    if flight["steps"] - space["marked_steps"] < STEPS_OF_SWINGS:
         return True
     stiffest, contacts = 0.0, space["contacts"]
     for c in range(contacts["count"]):
         stiffest = max(stiffest, contacts["at"][c]["closing"])
     passed = space["motion"]["t"] - space["marked"]
     space["marked"], space["marked_steps"] = space["motion"]["t"], flight["steps"]
-    return bool(passed > 0.0 and passed * math.sqrt(stiffest * body["per_mass"]) > 2.0 * math.pi)
+    return bool(passed > 0.0 and passed * math.sqrt(stiffest * body["per_mass"]) > SWINGS * 2.0 * math.pi)
 
 
 @kernel
