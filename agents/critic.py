@@ -130,7 +130,7 @@ class Sampler:
         """Label ``n_contexts * n_tries`` landings."""
         problem, half = self._problem, self._tries // 2
         contexts = problem.scenario.contexts(self._rng.random((self._contexts, problem.scenario.draws)), "train")
-        seen = problem.task.observe(contexts)
+        seen = problem.task.observe(problem.task.scenes(contexts))
         first = self._anywhere(half)
         if guided:
             peaks, _ = searched(problem, critic, seen, self._anywhere(TRAINING.anywhere), TRAINING, self._normal)

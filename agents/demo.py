@@ -48,7 +48,9 @@ def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Evaluat
     descents = []
     for name in DRAWN:
         _, trims = problem.ride(agents[name], scene)
-        descents.append(problem.task.ridden(scene, trims[0][~np.isnan(trims[0])].tolist(), record="trajectory"))
+        descents.append(
+            problem.task.ridden(problem.task.scenes(scene), trims[0][~np.isnan(trims[0])].tolist(), record="trajectory")
+        )
     end = descents[0].state.x
     figure = plot_strobe(descents, labels=DRAWN, frames=_POSES, between=(max(end - _BEFORE, 0.0), end + _BEHIND))
     figure.savefig(path, dpi=130)

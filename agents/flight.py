@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import SEEN
-from sledenv.envs.task import FLIGHT
+from sledenv.envs.columns import STATE
+from sledenv.scenarios.scenario import Context
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.outlook import VERTEX
 from sledenv.simulation.support import support_heights
 
 Floats = NDArray[np.float32]
@@ -23,6 +22,7 @@ _PLACES: Final = np.array(  # [m] from the landing, at which a critic is told th
 )
 _TILT: Final = 0.1  # [rad] at which a body touches with an end
 _TURNS: Final = (2, 4, 6, 8, 12, 16)  # harmonics of the pose at the landing
+_SHAPE: Final = Context._fields.index("shape")
 _CONTEXT: Final = 4  # of the context: angle, friction, restitution and speed
 MOST: Final = 10.0  # of an input
 
@@ -84,14 +84,8 @@ class Flights:
         self._task = task
         self._gravity = problem.scenario.slope_section.gravity_m_s2
         self._most = 0.0 if rider is None else rider.trim_rad_s
-        self._reach, self._relief = problem.scenario.extent
-        # What ones mean, of a flight at the end of the way.
-        ones = np.ones((1, len(task.observation_names)), np.float32)
-        ones[:, SEEN + FLIGHT.index("left")] = 0.0
-        ones[:, SEEN + len(FLIGHT) :] = 0.0
-        seen = task.flights_seen(ones)
-        self._way, self._height, _, self._speed, _, self._spin = seen.states[0].astype(np.float32)
-        self._lent = np.float32(seen.lent[0])
+        self._way = np.float32(problem.scenario.slope_section.length_m + task.settings.run_out)
+        self._run_out = np.float32(task.settings.run_out)
         self._ends = np.array([_ends(body) for body in task.bodies], np.float32)
         self._lying = np.array([support_heights(body, np.zeros(1))[0] for body in task.bodies], np.float32)
         self.width = 2 * len(_PLACES) + 23
@@ -99,16 +93,17 @@ class Flights:
 
     def land(self, observations: Floats) -> Landings:
         """Foresee the landings of flights, observations of shape (n, k)."""
-        left, height, sine, cosine, u, v, spin, lent, supplied, *_ = observations[:, SEEN : SEEN + len(FLIGHT)].T
-        height, u, v = height * self._height, u * self._speed, v * self._speed
-        lent = lent * self._lent
-        spin, start = spin * self._spin - lent, np.arctan2(sine, cosine)
+        seen = {name: column.astype(np.float32) for name, column in self._task.columns.values(observations).items()}
+        to_line, height, sine, cosine, u, v, spin, lent, supplied = (seen[one.name] for one in STATE[:9])
+        left = (to_line + self._run_out) / self._way
+        supplied = supplied / np.float32(self._task.columns.scales.speed**2)
+        spin, start = spin - lent, np.arctan2(sine, cosine)
         contexts = self._task.contexts_seen(observations)
         along, across = (
             (self._gravity * part(contexts[:, 0])).astype(np.float32)[:, np.newaxis] for part in (np.sin, np.cos)
         )
-        body = self._task.scenario.shapes(contexts)
-        ground, lying = self._ground(observations), self._lying[body]
+        body = contexts[:, _SHAPE].astype(int)
+        ground, lying = self._ground(seen, len(observations)), self._lying[body]
 
         x, y = (u[:, np.newaxis] + 0.5 * along * _TIMES) * _TIMES, (v[:, np.newaxis] - 0.5 * across * _TIMES) * _TIMES
         heights, slopes = ground.at(x)
@@ -160,15 +155,18 @@ class Flights:
             columns += [4.0 * clear, 3.0 * (below - pitch), 3.0 * (below - angle)]
         return np.stack(columns, axis=-1, dtype=np.float32)
 
-    def _ground(self, observations: Floats) -> Ground:
+    def _ground(self, seen: dict[str, Floats], count: int) -> Ground:
         """Return the ground that is seen around places."""
-        around = observations[:, SEEN + len(FLIGHT) :].reshape(len(observations), -1, len(VERTEX))
-        x, y = around[..., 0] * np.float32(self._reach), around[..., 1] * np.float32(self._relief)
-        there = around[..., 2] > 0.5
-        pieces = there[:, 1:] & there[:, :-1]
+        names = [name.removesuffix("_there") for name in seen if name.endswith("_there")]
+        x, y, there = (
+            np.stack([seen[f"{name}_{entry}"] for name in names], axis=1) if names else np.zeros((count, 0), np.float32)
+            for entry in ("x", "y", "there")
+        )
+        is_one = there > 0.5
+        pieces = is_one[:, 1:] & is_one[:, :-1]
         lengths = np.where(pieces, np.diff(x, axis=1), 1.0)
         rise = np.where(pieces, np.diff(y, axis=1), 0.0) / np.maximum(lengths, 1e-4)
-        first = there.argmax(axis=1)[:, np.newaxis] if around.shape[1] else np.zeros((len(x), 0), int)
+        first = is_one.argmax(axis=1)[:, np.newaxis] if names else np.zeros((count, 0), int)
         height = np.take_along_axis(y, first, axis=1).sum(axis=1)
         return Ground(x[:, :-1], np.where(pieces, x[:, 1:], x[:, :-1]), rise.astype(np.float32), height)
 

@@ -7,10 +7,10 @@ from typing import Any, Final, Self
 
 from sledenv.benchmark.problem import Problem
 from sledenv.scenarios.configuration import read_yaml, write_yaml
-from sledenv.simulation.outlook import ground_of
+from sledenv.simulation.simulator import Simulator
 
 from . import replan, ride_critic
-from .replan import Floats, Rides
+from .replan import Floats
 
 _FILE: Final = "lookahead.yaml"
 
@@ -46,10 +46,10 @@ class Agent(replan.Agent):
         """Read a run; raises as :func:`sledenv.agents.classes.kept_weights`."""
         return cls(problem, **read_yaml(folder / _FILE), critic=ride_critic.Agent.load(problem, folder))
 
-    def _worth_behind(self, rides: Rides) -> Floats:
-        worth, running, outcomes = self._earned(rides)
+    def _worth_behind(self, rides: Simulator) -> Floats:
+        worth, running = self._earned(rides)
         if running.size:
-            flights = outcomes[running]
-            seen = self._task.observe(rides.contexts[running], flights, ground=ground_of(rides.vertices[running]))
-            worth[running] += self._critic.expected(seen)
+            scenes, flights = rides.scenes.take(running), rides.flights.take(running)
+            scenes.rows["length"] = self._task.scenario.slope_section.length_m
+            worth[running] += self._critic.expected(self._task.observe(scenes, flights))
         return worth

@@ -46,7 +46,7 @@ class Touch:
         self._landing = Landing(problem)
         self._bodies = len(self._task.bodies) if self._task.varies[_SHAPE] else 0
         landings = 2.0 * qmc.Sobol(problem.actions, rng=np.random.default_rng(0)).random(_SAMPLES) - 1.0
-        sample = self._touched(self._task.observe(problem.contexts("train", _SAMPLES)), landings)
+        sample = self._touched(self._task.observe(self._task.scenes(problem.contexts("train", _SAMPLES))), landings)
         self._middle, self._scale = sample.mean(axis=0), np.where(np.ptp(sample, axis=0) > 0.0, sample.std(axis=0), 1.0)
         chosen = sum(2 * _CHOSEN if turning else 1 for turning in self._turns)
         self.width = self._task.observation_space.shape[0] + self._bodies + chosen + 2 * _TOUCHING + sample.shape[1] - 1

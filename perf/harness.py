@@ -24,11 +24,13 @@ Floats = NDArray[np.float64]
 
 ROOT = Path(__file__).parents[1]
 RESULTS = Path(__file__).parent / "results"
-_PACKAGES = "sledenv numpy numba llvmlite scipy mujoco pymunk Box2D gymnasium stable_baselines3 torch"
+_PACKAGES = "sledenv numpy numba llvmlite scipy mujoco pymunk Box2D highway-env gymnasium stable_baselines3 torch"
 
 
-def timed(run: Callable[[], Any], units: float, part: float = 0.02, total: float = 0.0) -> Callable[[], float]:
-    """Return what measures the wall time [s] of a unit of work, of which one run does so many.
+def timed(
+    run: Callable[[], Any], units: float, part: float = 0.02, total: float = 0.0, *, cpu: bool = False
+) -> Callable[[], float]:
+    """Return what measures the wall time [s], or the CPU time, of a unit of work, of which one run does so many.
 
     The run is made twice here, so that nothing is compiled while it is timed, and repeated in each timing until it has
     taken ``part`` [s]. With ``total`` [s] such parts are timed until they have taken so long together, and the least
@@ -36,10 +38,11 @@ def timed(run: Callable[[], Any], units: float, part: float = 0.02, total: float
     """
 
     def seconds(repeats: int) -> float:
-        start = time.perf_counter()
+        clock = time.process_time if cpu else time.perf_counter
+        start = clock()
         for _ in range(repeats):
             run()
-        return time.perf_counter() - start
+        return clock() - start
 
     run()
     repeats = max(1, round(part / max(seconds(1), 1e-7)))

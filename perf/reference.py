@@ -76,8 +76,19 @@ def problem(name: str, contexts: Floats) -> tuple[tuple[Any, ...], dict[str, Any
         fields["run_out"] = scenario.slope_section.run_out_m
     if hasattr(scenario.limits, "tolerance"):
         fields["tolerance"] = scenario.limits.tolerance
-    parts = scenario.laws(contexts), scenario.slopes(contexts), scenario.launches(contexts)
-    return (scenario.body(), *parts), fields
+    bodies, laws, slopes, states = zip(
+        *[given_in(scenario, sledenv.Context(*row)) for row in contexts.tolist()], strict=True
+    )
+    plane = not any(getattr(slope, "profile", ()) for slope in slopes)
+    table = [[*slope[:3], *(number for zone in slope.zones for number in zone)] for slope in slopes]  # None becomes NaN
+    return (bodies[0], np.array(laws), np.array(table, float) if plane else list(slopes), np.array(states)), fields
+
+
+def given_in(scenario: Any, context: sledenv.Context) -> tuple[Any, ...]:
+    """Body, law, slope and launch of a context; older trees give them one by one."""
+    if hasattr(scenario, "given"):
+        return tuple(scenario.given(context))
+    return scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
 
 
 def errors(velocities: ArrayLike) -> Floats:

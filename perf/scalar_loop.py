@@ -15,18 +15,19 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv import Body, ContactLaw, Settings, Slope, State
+from sledenv import Body, ContactLaw, Settings, Slope
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import LIBRARY, run_lanes
+from sledenv.kernel.params import SCENE
 from sledenv.kernel.records import OUTCOME, REBOUND
-from sledenv.simulation.checks import checked_descent
-from sledenv.simulation.simulate import put_at_launch
+from sledenv.simulation.checks import checked_scenes
+from sledenv.simulation.simulator import at_launch
 
 # Result and error, which mean nothing; numbers; whether surfaces are rigid; tables with their lengths; work space;
 # the last lane.
-_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 33)
+_SIGNATURE = ctypes.CFUNCTYPE(ctypes.c_int32, *[ctypes.c_int64] * 26)
 _NOWHERE = 16  # bytes before the numbers, into which these two are written
-_LAUNCH, _ROW = 8 * len(State._fields), OUTCOME.itemsize
+_SCENE, _ROW = SCENE.itemsize, OUTCOME.itemsize
 
 
 @functools.cache
@@ -36,27 +37,16 @@ def _loop() -> Callable[..., None]:
 
     @numba.njit
     def loop(
-        rigid: int,
-        numbers: Any,
-        body: Any,
-        law: Any,
-        slope: Any,
-        starts: Any,
-        track: Any,
-        ground: Any,
-        log: Any,
-        space: Any,
-        ends: Any,
+        rigid: int, numbers: Any, rows: Any, bodies: Any, pieces: Any, zones: Any, log: Any, space: Any, ends: Any
     ) -> None:
         nowhere, here = numbers.ctypes.data, numbers.ctypes.data + _NOWHERE
-        for i in range(starts.shape[0]):
+        for i in range(rows.shape[0]):
             space[0]["lane"] = 0.0
-            start, end = starts.ctypes.data + i * _LAUNCH, ends.ctypes.data + i * _ROW
+            row, end = rows.ctypes.data + i * _SCENE, ends.ctypes.data + i * _ROW
             descend(
-                nowhere, nowhere, here, rigid, body.ctypes.data, 1, law.ctypes.data, 1, law.size,
-                slope.ctypes.data, 1, slope.size, start, 1, starts.shape[1], here, 0, 3,
-                track.ctypes.data, 1, 2,
-                ground.ctypes.data, ground.size, end, 1, log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
+                nowhere, nowhere, here, rigid, row, 1, bodies.ctypes.data, bodies.size,
+                pieces.ctypes.data, pieces.size, zones.ctypes.data, zones.shape[0], zones.shape[1], here, 0, 2,
+                end, 1, log.ctypes.data, 1, log.size, here, 0, space.ctypes.data, 1, 1,
             )  # fmt: skip
 
     return loop  # type: ignore[no-any-return]
@@ -71,18 +61,14 @@ def scalar_loop(
     max_rebounds: int = 1000,
 ) -> Callable[[], np.ndarray]:
     """Return a function that simulates the launches, shape (N, 6), one by one, and returns their outcomes."""
-    starts = np.array(launches, dtype=float, ndmin=2)
     settings = Settings(solver=solver, max_rebounds=max_rebounds)
-    lanes = checked_descent(body, law, slope, State(*starts[0]), settings).lanes
-    rigid, limits, *_, track, ground = lanes.tables(settings.limits)
-    log = np.zeros(max_rebounds, REBOUND)
+    scenes = checked_scenes(body, law, slope, launches, settings)
+    log, numbers = np.zeros(max_rebounds, REBOUND), np.array([0.0, 0.0, *settings.limits])
     loop = _loop()
-    numbers, law_row, slope_row = (np.array(one, float) for one in ((0.0, 0.0, *limits), lanes.laws[0], slope[:3]))
 
     def run() -> np.ndarray:
-        outcomes = np.zeros(len(starts), OUTCOME)
-        put_at_launch(outcomes, starts)
-        loop(rigid, numbers, body.record, law_row, slope_row, starts, track, ground, log, np.zeros(1, SPACE), outcomes)
+        outcomes = at_launch(scenes)
+        loop(int(solver == "rigid"), numbers, *scenes.given, log, np.zeros(1, SPACE), outcomes)
         return outcomes
 
     return run

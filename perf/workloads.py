@@ -21,14 +21,14 @@ import gymnasium as gym
 import numpy as np
 
 import sledenv
-from perf.env import IDS, SCENARIO, vector
+from perf.env import IDS, vector
 from perf.harness import timed
 from perf.reference import BODY, FEW, LAUNCH, LAW, MANY, SLOPE, contexts, launches, problem, settings
 from perf.startup import BASE, STEP, first
 
 _LEAST, _SLICE = 0.2, 0.005  # [s] that one timing, and each of its slices, should take
 _CUT_DISC = str(Path(__file__).with_name("cut_disc.yaml"))
-_KIND, _LANES = "SledLaunch", 1024
+_KIND, _LANES, SCENARIO = "SledLaunch", 1024, "sled_mat"
 _SINGLE = 64  # copies of the reference descent in a compiled loop, and episodes of an environment
 _SAMPLES = 16_384  # of one short training run
 _DECISIONS = 60  # of a ride at most
@@ -156,7 +156,9 @@ WORKLOADS: dict[str, Workload] = {
     "terraces": Workload("the same on sled_terraces", "decision", lambda: _rides("sled_terraces")),
     "step": Workload("SledLaunch on sled_mat, info=('jam',)", "reset and step", lambda: _timed(episodes(), _SINGLE)),
     "step-kernel": Workload("these descents as a batch", "descent", lambda: _batch(descents_of_episodes(), False)),
-    "env": Workload("the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES), _LANES)),
+    "env": Workload(
+        "the native vector env of it", "step", lambda: _timed(vector(_KIND, _LANES, scenario=SCENARIO), _LANES)
+    ),
     "ppo": Workload(f"PPO of stable-baselines3 on that, {_SAMPLES:,} samples", "sample", _ppo),
     "warm": Workload("first make, reset and step of a process, not the first", "start", lambda: _start(True)),
     "cold": Workload(

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 import sledenv
-from sledenv.simulation.scene import Tracks
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.support import resting_heights
 from tests.audit_geometry import BX, BY, SIDE, ground_of, height_at, outline_of, touching_height
 from tests.profiles import Case, Profile
@@ -274,7 +274,7 @@ def launch_of(rng: Draw, body: sledenv.Body, slope: sledenv.Slope, how: str) -> 
         phi = rng.uniform(-math.pi, math.pi)
     phi = math.remainder(phi, 2.0 * math.pi)
     if slope.rounding:  # the audit has a closed form for sharp ground alone; a launch is no part of it
-        (height,) = resting_heights(body.record, np.zeros(1), np.array([phi]), Tracks.of((slope.ground,))).tolist()
+        (height,) = resting_heights(body.record, np.zeros(1), np.array([phi]), Grounds.of((slope.vertices,))).tolist()
     else:
         height = touching_height(body, slope.profile, 0.0, phi)
     if how == RESTING:

@@ -91,7 +91,7 @@ def test_the_page_on_scenarios_writes_a_valid_one(tmp_path, monkeypatch, capsys)
 def test_the_scenario_of_the_page_on_tracks_draws_bumps(tmp_path):
     (tmp_path / "my_bumps.yaml").write_text(blocks("docs/track.md", "yaml")[0])
     scenario = load_scenario(tmp_path / "my_bumps.yaml")
-    assert scenario.slope(scenario.sample(np.random.default_rng(0))).profile
+    assert scenario.given(scenario.sample(np.random.default_rng(0))).slope.profile
 
 
 def test_the_pages_on_scenarios_name_every_key():

@@ -13,9 +13,8 @@ import pytest
 import sledenv
 from sledenv import ContactLaw, Slope, State, simulate
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.scene import SlopeTable
+from sledenv.simulation.checks import checked_scenes
 from sledenv.uncertainty import Study, load_study, run
-from sledenv.uncertainty.model import Lanes
 from sledenv.uncertainty.passages import descend_over
 
 GRAVITY = 9.81
@@ -29,8 +28,9 @@ def law(restitution: float, friction: float, stiffness: float = 1e9, rolling_arm
 def speeds(body: Body, surface: ContactLaw, ground: Polyline, launch: State, stations: Sequence[float]) -> np.ndarray:
     """Speeds of one body at places over a ground, NaN where it does not come to."""
     slope = Slope(0.0, ground[-1][0], GRAVITY, profile=ground)
-    lanes = Lanes(body, np.array([surface]), SlopeTable(np.array([slope.row]), (slope.ground,)), np.array([launch]))
-    return descend_over(lanes, np.array(stations), sledenv.Settings(max_time=100.0)).speed[0]
+    settings = sledenv.Settings(max_time=100.0)
+    scenes = checked_scenes(body, surface, slope, [launch], settings)
+    return descend_over(scenes, np.array(stations), settings).speed[0]
 
 
 def two_slopes(first: float, second: float) -> Polyline:
@@ -187,8 +187,8 @@ def shipped(section: list[list[Any]], length: dict[str, Any], start: float, laun
 
 def ends_of(study: Study) -> np.ndarray:
     """Where rocks stop [m], none of which was given up."""
-    lanes = study.lanes(study.values(run.draws(study)))
-    outcomes = descend_over(lanes, study.stations[-1:], study.base.settings()).outcomes
+    scenes = study.scenes(study.values(run.draws(study)))
+    outcomes = descend_over(scenes, study.stations[-1:], study.base.settings()).outcomes
     status = np.array(sledenv.STATUS_OF_CODE)[outcomes["status"]]
     assert (np.isin(status, ["finish", "jammed"])).mean() > 0.995
     return outcomes["x"]

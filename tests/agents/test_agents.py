@@ -118,7 +118,7 @@ def test_every_agent_chooses_a_speed_too(algo, control, quick, tmp_path):
     batch, launches = problem.judge(agent, contexts)
     assert launches.shape == (10, len(problem.task.controlled))
     assert (np.abs(launches) <= 1.0).all()
-    speeds = problem.task.launches(contexts, launches)[:, 3]
+    speeds = problem.task.aimed(problem.task.scenes(contexts), launches).launches[:, 3]
     assert ((speeds >= 2.0) & (speeds <= 5.0)).all()
     if algo in ("zero", "land_flat"):
         assert (speeds == 3.5).all()

@@ -43,9 +43,9 @@ def test_the_first_touch_is_where_the_descent_first_touches(scenario):
     task, touch = problem.task, Touch(problem)
     contexts = problem.contexts("train", 100)
     landings = np.random.default_rng(0).uniform(-1.0, 1.0, (100, problem.actions))
-    launches = task.launches(contexts, Landing(problem).launches(contexts, landings))
-    first = task.descend_batch(contexts, launches, keep_rebounds=True).rebounds[:, 0]
-    pose, time, arm, lever, approach, slip, spin = touch._touched(task.observe(contexts), landings).T
+    scenes = task.aimed(task.scenes(contexts), Landing(problem).launches(contexts, landings))
+    launches, first = scenes.launches, task.descend(scenes, keep_rebounds=True).rebounds[:, 0]
+    pose, time, arm, lever, approach, slip, spin = touch._touched(task.observe(task.scenes(contexts)), landings).T
     begun = first["t"] - first["duration"]
     same = np.abs(begun - time) < 2e-3
     assert same.mean() > 0.8
@@ -65,7 +65,7 @@ def test_numbered_bodies_are_told_apart():
     """Oracle: the contexts, whose bodies have no order."""
     problem = Problem(own_scenario("boulders"))
     contexts = problem.contexts("train", 50)
-    inputs = Touch(problem).inputs(problem.task.observe(contexts), np.zeros((50, 1)))
+    inputs = Touch(problem).inputs(problem.task.observe(problem.task.scenes(contexts)), np.zeros((50, 1)))
     assert np.array_equal(inputs[:, 11:16], np.eye(5)[contexts[:, 10].astype(int)])
     assert inputs.dtype == np.float32
 
@@ -116,7 +116,7 @@ def test_a_search_finds_what_is_rated_best():
     problem = Problem(own_scenario("brake_mat"))
     torch.manual_seed(3)
     critic = Critic(Touch(problem), [64, 64], 41)
-    seen = problem.task.observe(problem.contexts("test", 5))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 5)))
     rng = np.random.default_rng(0)
     anywhere = rng.uniform(-1.0, 1.0, (5, ACTING.anywhere, 2))
     peaks, heights = searched(problem, critic, seen, anywhere, ACTING, lambda *shape: rng.standard_normal((*shape, 2)))
@@ -145,7 +145,7 @@ def test_it_learns_the_same_from_the_same_seed_and_better_than_random(scenario, 
         folder.mkdir()
         agents.append(Agent.train(problem, chosen, seed, folder))
     contexts = problem.contexts("test", 60)
-    seen = problem.task.observe(contexts)
+    seen = problem.task.observe(problem.task.scenes(contexts))
     one, same, other = (agent.act(seen) for agent in agents)
     assert np.array_equal(one, same)
     assert not np.array_equal(one, other)
@@ -194,7 +194,7 @@ def test_a_shipped_agent_is_of_its_scenario_as_it_is_and_beats_the_zero_action(s
     problem, agent, config = load_run(run_folder(TRAINED, "critic", Problem(scenario), 0))
     assert config["scenario_hash"] == problem.scenario.hash == Problem(scenario).scenario.hash
     contexts = problem.contexts("test", 40)
-    launches = agent.act(problem.task.observe(contexts))
+    launches = agent.act(problem.task.observe(problem.task.scenes(contexts)))
     zero, random = np.zeros_like(launches), np.random.default_rng(0).uniform(-1.0, 1.0, launches.shape)
     trials = problem.trials(contexts, "test")
     mine, *others = (problem.expect(trials, tried[:, np.newaxis]).mean() for tried in (launches, zero, random))

@@ -10,7 +10,7 @@ from sledenv import load_scenario
 from sledenv.agents import land_flat, land_parallel, replan, replan_critic, zero
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import SEEN
-from sledenv.envs.task import FLIGHT, VERTEX, Task
+from sledenv.envs.task import Task
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.records import RUNNING
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -26,10 +26,11 @@ def altered(name: str, **sections) -> Scenario:
     return Scenario.model_validate(content)
 
 
-def first_touch(problem: Problem, contexts: np.ndarray, launches: np.ndarray) -> np.ndarray:
-    """Rebounds of many descents, the first of each."""
-    task = problem.task
-    return task.descend_batch(contexts, launches, keep_rebounds=True).rebounds[:, 0]
+def launched(problem: Problem, contexts: np.ndarray, agent) -> tuple[np.ndarray, np.ndarray]:
+    """The launches that an agent chooses, and the first rebound of each descent."""
+    task, scenes = problem.task, problem.task.scenes(contexts)
+    aimed = task.aimed(scenes, agent.act(task.observe(scenes)).astype(float))
+    return aimed.launches, task.descend(aimed, keep_rebounds=True).rebounds[:, 0]
 
 
 def turned(angle: np.ndarray) -> np.ndarray:
@@ -42,7 +43,7 @@ def test_contexts_come_back_from_what_is_seen_of_them(name, control):
     """Oracle: the contexts that were observed, up to the rounding of float32; a choice is not known."""
     task = Task(name, control)
     contexts = task.scenario.contexts(np.random.default_rng(0).random((50, 11)))
-    seen = task.contexts_seen(task.observe(contexts))
+    seen = task.contexts_seen(task.observe(task.scenes(contexts)))
     chosen = [i for i, field in enumerate(("orientation", "spin"), 6) if field in task.controlled]
     assert np.isnan(seen[:, chosen]).all()
     known = np.delete(np.arange(11), chosen)
@@ -54,37 +55,26 @@ def test_contexts_come_back_from_what_is_seen_of_them(name, control):
 def test_flights_come_back_from_what_is_seen_of_them(scenario):
     """Oracle: the rides themselves where a flight begins, and the ground around."""
     task = Task(scenario, ride=True)
-    contexts = task.scenario.contexts(np.random.default_rng(1).random((40, task.scenario.draws)))
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(40))
+    rides = task.rides(task.scenario.draw(np.random.default_rng(1).random((40, task.scenario.draws))))
     rides.hop(np.full(40, 0.5))
-    running = rides.outcomes()["status"] == RUNNING
-    flights, contexts = rides.outcomes()[running], contexts[running]
+    running = np.flatnonzero(rides.flights["status"] == RUNNING)
+    scenes, flights = rides.scenes.take(running), rides.flights[running]
     assert len(flights) > 20
-    observed = task.observe(contexts, flights)
-    seen = task.flights_seen(observed)
-    profiles = task.scenario.profiles(contexts)
-    profiles = profiles * (len(contexts) if len(profiles) == 1 else 1)
-    ground = np.array(
-        [
-            np.interp(x, *np.array(known).T[:2]) if known else 0.0
-            for x, known in zip(flights["x"], profiles, strict=True)
-        ]
-    )
-    meant = [
-        flights["x"],
-        flights["y"] - ground,
-        turned(flights["phi"]),
-        *(flights[name] for name in ("u", "v", "omega")),
-    ]
-    apart = seen.states - np.stack(meant, axis=-1)
-    assert np.abs(np.delete(apart, 1, axis=1)).max() < 2e-5
-    assert -2e-5 < apart[:, 1].min() <= np.quantile(apart[:, 1], 0.8) < 2e-5  # lifted off ground that is seen no more
-    assert seen.lent == pytest.approx(0.5, abs=1e-6)
-    assert seen.supplied == pytest.approx(flights["supplied"], rel=1e-6)
-    for known, told, level in zip(profiles, seen.profiles, ground, strict=True):
-        for x, y, _ in told:
-            assert y == pytest.approx(np.interp(x, *np.array(known).T[:2]) - level, abs=2e-5)
+    seen = task.columns.values(task.observe(scenes, flights))
+    assert scenes.rows["length"] - seen["left"] == pytest.approx(flights["x"], abs=2e-5)
+    for name in ("u", "v", "omega"):
+        assert seen[name] == pytest.approx(flights[name], abs=2e-5)
+    assert seen["trim"] == pytest.approx(0.5, abs=1e-6)
+    assert seen["supplied"] * task.bodies[0].mass == pytest.approx(flights["supplied"], rel=1e-6)
+    for i, (x, vertices) in enumerate(zip(flights["x"], scenes.grounds(), strict=True)):
+        level = np.interp(x, vertices["x"], vertices["y"]) if len(vertices) else 0.0
+        assert seen["height"][i] == pytest.approx(flights["y"][i] - level, abs=2e-5)
+        for k in range(1, 9 if len(vertices) else 0):
+            if seen[f"ahead_{k}_there"][i]:
+                there = x + seen[f"ahead_{k}_x"][i]
+                assert seen[f"ahead_{k}_y"][i] == pytest.approx(
+                    np.interp(there, vertices["x"], vertices["y"]) - level, abs=2e-5
+                )
 
 
 def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
@@ -93,8 +83,7 @@ def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
     problem = Problem(altered(own_scenario("brake_mat"), launch=launch, contact=contact))
     contexts = problem.contexts("test", 60)
     agent = land_flat.Agent(problem)
-    launches = problem.task.launches(contexts, agent.act(problem.task.observe(contexts)).astype(float))
-    first = first_touch(problem, contexts, launches)
+    _, first = launched(problem, contexts, agent)
     body = problem.task.bodies[0]
     slip = first["u_before"] + (body.radius - body.eccentricity) * first["omega_before"]
     assert (first["omega_before"] < -1.0).all()
@@ -108,11 +97,9 @@ def test_land_flat_touches_upright_at_the_middle_of_the_speeds(control):
     scenario = altered(own_scenario("ice_drop"), launch=launch, control={"spin_rad_s": [-8, 8], "speed_m_s": [2, 7]})
     problem = Problem(scenario, control=control)
     contexts = problem.contexts("test", 40)
-    actions = land_flat.Agent(problem).act(problem.task.observe(contexts)).astype(float)
-    launches = problem.task.launches(contexts, actions)
+    launches, first = launched(problem, contexts, land_flat.Agent(problem))
     assert (launches[:, 3] == 4.5).all()
     assert (np.abs(launches[:, 5]) < 8.0).all()  # no spin is cut short
-    first = first_touch(problem, contexts, launches)
     touch = first["t"] - first["duration"]
     assert np.abs(turned(launches[:, 2] + launches[:, 5] * touch)).max() < 1e-5
 
@@ -124,7 +111,7 @@ def test_land_flat_mirrors_with_the_disturbance():
     mirrored = contexts.copy()
     mirrored[:, 7] *= -1.0
     agent = land_flat.Agent(problem)
-    poses, others = (agent.act(problem.task.observe(each)) for each in (contexts, mirrored))
+    poses, others = (agent.act(problem.task.observe(problem.task.scenes(each))) for each in (contexts, mirrored))
     assert np.abs(poses).max() > 0.05
     assert others == pytest.approx(-poses, abs=1e-6)
 
@@ -132,7 +119,8 @@ def test_land_flat_mirrors_with_the_disturbance():
 def test_land_flat_without_fall_or_gravity_still_acts():
     for control in CONTROLS:
         problem = Problem(altered(own_scenario("ice_drop"), slope={"gravity_m_s2": 0}), control=control)
-        actions = land_flat.Agent(problem).act(problem.task.observe(problem.contexts("test", 5)))
+        seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 5)))
+        actions = land_flat.Agent(problem).act(seen)
         assert problem.action_space.contains(actions[0])
 
 
@@ -141,7 +129,7 @@ def test_the_zero_action_earns_what_the_launch_earns_alone():
     problem = Problem(ride_over_bumps(), "descent")
     contexts = problem.contexts("test", 30)
     batch, firsts = problem.judge(zero.Agent(problem), contexts)
-    alone = problem.task.descend_batch(contexts, problem.task.launches(contexts)).jam.reward
+    alone = problem.task.descend(problem.task.scenes(contexts)).jam.reward
     assert np.array_equal(batch.jam.reward, alone)
     assert firsts.tolist() == [[0.0]] * 30
 
@@ -162,14 +150,15 @@ def test_the_rule_lands_parallel_to_the_ground():
     """Oracle: the pose at the next touch, where the ground is as steep as where the mass centre is."""
     problem = Problem(ride_over_bumps(trim_rad_s=3.0), "descent")
     task, contexts = problem.task, problem.contexts("test", 60)
-    rides = task.rides(contexts, keep_rebounds=True)
-    rides.await_flights(np.arange(60))
-    actions = land_parallel.Agent(problem).act(task.observe(contexts, rides.outcomes())).astype(float)
-    rides.hop(task.spins(contexts, actions, np.zeros(60, int)))
+    scenes = task.scenes(contexts)
+    rides = task.simulator(scenes, keep_rebounds=True)
+    rides.wait()
+    actions = land_parallel.Agent(problem).plan(task.masked(scenes, rides.flights), rides.flights).astype(float)
+    rides.hop(task.spins(scenes, actions, np.zeros(60, int)))
     first = rides.descents().rebounds[:, 0]
     turns = []
-    for profile, row, start in zip(task.scenario.profiles(contexts), first, task.launches(contexts), strict=True):
-        x, y, _ = np.array(profile).T
+    for vertices, row, start in zip(scenes.grounds(), first, scenes.launches, strict=True):
+        x, y = vertices["x"], vertices["y"]
         slopes = np.r_[0.0, np.diff(y) / np.diff(x), 0.0]
         pitch = np.arctan(slopes[np.searchsorted(x, row["x_contact"])])
         landed = start[2] + row["t_touchdown"] * row["omega_before"]
@@ -183,15 +172,15 @@ def test_the_lookahead_of_replan_predicts_what_its_model_earns(scenario):
     problem = Problem(scenario, "descent")
     task, contexts = problem.task, problem.contexts("test", 40)
     agent = replan.Agent(problem, [5])
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(40))
+    rides = task.rides(task.scenes(contexts))
     rides.hop(np.full(40, 0.3))
-    running = np.flatnonzero(rides.outcomes()["status"] == RUNNING)
-    observed = task.observe(contexts[running], rides.outcomes(running))
+    running = np.flatnonzero(rides.flights["status"] == RUNNING)
+    flights = rides.flights[running]
+    scenes = task.masked(rides.scenes.take(running), flights)
     spins = np.linspace(-1.0, 1.0, 40)
     tried = spins[running, np.newaxis] / task.scenario.rider.trim_rad_s
-    predicted = agent.predicted(task.contexts_seen(observed), task.flights_seen(observed), tried)[:, 0]
-    while (rides.outcomes()["status"] == RUNNING).any():
+    predicted = agent.predicted(scenes, flights, tried)[:, 0]
+    while (rides.flights["status"] == RUNNING).any():
         rides.hop(spins)
     apart = np.abs(predicted - rides.descents(running).jam.reward)
     assert len(running) > 15
@@ -203,19 +192,19 @@ def test_replan_rates_a_spin_by_the_best_that_can_follow():
     """Oracle: the rides themselves, with each of three spins in the flight behind, which goes on to the end."""
     problem = Problem(ride_over_bumps(), "descent")
     task, contexts, follow = problem.task, problem.contexts("test", 40), (-1.0, 0.0, 1.0)
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(40))
+    rides = task.rides(task.scenes(contexts))
     rides.hop(np.full(40, 0.3))
-    running = np.flatnonzero(rides.outcomes()["status"] == RUNNING)
-    observed = task.observe(contexts[running], rides.outcomes(running))
+    running = np.flatnonzero(rides.flights["status"] == RUNNING)
+    flights = rides.flights[running]
+    scenes = task.masked(rides.scenes.take(running), flights)
     tried = np.full((len(running), 1), 0.5)
     agent = replan.Agent(problem, [1, 3])
-    predicted = agent.predicted(task.contexts_seen(observed), task.flights_seen(observed), tried)[:, 0]
+    predicted = agent.predicted(scenes, flights, tried)[:, 0]
     earned = []
     for second in follow:
         rest = rides.take(running)
         rest.hop(np.full(len(running), 0.5))
-        while (rest.outcomes()["status"] == RUNNING).any():
+        while (rest.flights["status"] == RUNNING).any():
             rest.hop(np.full(len(running), second))
         earned.append(rest.descents().jam.reward)
     assert (np.ptp(earned, axis=0) > 1e-3).sum() > 5
@@ -226,7 +215,7 @@ def test_a_critic_tells_what_follows_behind_the_lookahead():
     """Oracle: the rides themselves, one spin further, and what is seen of them there; the critic rates the way left."""
     problem = Problem(ride_over_bumps(), "descent")
     task, contexts = problem.task, problem.contexts("test", 40)
-    left = SEEN + FLIGHT.index("left")
+    left = task.observation_names.index("left")
     shown = []
 
     class Critic:
@@ -234,25 +223,20 @@ def test_a_critic_tells_what_follows_behind_the_lookahead():
             shown.append(observations)
             return 0.25 * observations[:, left]
 
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(40))
-    observed = task.observe(contexts, rides.outcomes())
+    rides = task.rides(task.scenes(contexts))
+    scenes = task.masked(rides.scenes, rides.flights)
     agent = replan_critic.Agent(problem, [1], Critic())
-    predicted = agent.predicted(task.contexts_seen(observed), task.flights_seen(observed), np.full((40, 1), 0.5))[:, 0]
+    predicted = agent.predicted(scenes, rides.flights, np.full((40, 1), 0.5))[:, 0]
     rides.hop(np.full(40, 0.5))
-    outcomes = rides.outcomes()
-    running = np.flatnonzero(outcomes["status"] == RUNNING)
-    seen = task.observe(contexts[running], outcomes[running])
+    running = np.flatnonzero(rides.flights["status"] == RUNNING)
+    seen = task.observe(rides.scenes.take(running), rides.flights[running])
     earned = rides.descents().jam.reward
     earned[running] += 0.25 * seen[:, left]
     assert 10 < len(running) < 40
     assert np.median(np.abs(predicted - earned)) < 1e-6
-    flight = slice(SEEN, SEEN + FLIGHT.index("time"))
-    assert np.median(np.abs(shown[0][:, flight] - seen[:, flight])) < 1e-6
-    near = slice(
-        SEEN + len(FLIGHT), SEEN + len(FLIGHT) + 5 * len(VERTEX)
-    )  # what lies further ahead was not seen before
-    np.testing.assert_allclose(shown[0][:, near], seen[:, near], atol=1e-5)
+    # What lies further ahead than the eighth vertex was not seen before.
+    near = slice(SEEN, task.observation_names.index("ahead_4_x"))
+    assert np.median(np.abs(shown[0][:, near] - seen[:, near])) < 1e-6
 
 
 def test_replan_counts_on_the_errors_of_an_unsteady_rider():
@@ -263,12 +247,11 @@ def test_replan_counts_on_the_errors_of_an_unsteady_rider():
     errors = 0.4 * ndtri((np.arange(16) + 0.5) / 16)
     for problem in (unsteady, Problem(ride_over_bumps(), "descent")):
         task, agent = problem.task, replan.Agent(problem, [21])
-        rides = task.rides(contexts)
-        rides.await_flights(np.arange(24))
-        trims = agent.act(task.observe(contexts, rides.outcomes()))[:, 0].astype(float)
+        rides = task.rides(task.scenes(contexts))
+        trims = agent.plan(task.masked(rides.scenes, rides.flights), rides.flights)[:, 0].astype(float)
         rides = rides.take(np.repeat(np.arange(24), 16))
         spins = np.repeat(trims, 16) + np.tile(errors, 24)
-        while (rides.outcomes()["status"] == RUNNING).any():
+        while (rides.flights["status"] == RUNNING).any():
             rides.hop(spins)
         means.append(rides.descents().jam.reward.mean())
     assert means[0] > means[1] + 0.02
@@ -278,12 +261,12 @@ def test_replan_does_nothing_once_a_ride_has_passed_the_line():
     """Oracle: what it does in the other lanes alone."""
     problem = Problem(ride_over_bumps(), "descent")
     task, contexts = problem.task, problem.contexts("test", 4)
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(4))
-    flights = rides.outcomes()
+    rides = task.rides(task.scenes(contexts))
+    flights = rides.flights.copy()
     flights["x"][1] = task.scenario.slope_section.length_m + 1.0
-    observed, agent = task.observe(contexts, flights), replan.Agent(problem, [5])
-    found = agent.act(observed)
+    scenes, agent = task.masked(rides.scenes, flights), replan.Agent(problem, [5])
+    found = agent.plan(scenes, flights)
     assert found[1, 0] == 0.0
-    np.testing.assert_array_equal(found[[0, 2, 3]], agent.act(observed[[0, 2, 3]]))
-    assert not agent.act(observed[1:2]).any()
+    others = np.array([0, 2, 3])
+    np.testing.assert_array_equal(found[others], agent.plan(scenes.take(others), flights[others]))
+    assert not agent.plan(scenes.take(slice(1, 2)), flights[1:2]).any()

@@ -61,7 +61,7 @@ def test_rewards_that_are_all_alike_are_not_divided_by_zero():
 def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_others(algorithm, policy):
     """Oracle: the critic itself, on many uniform launches."""
     problem, model = policy_of(algorithm, policy)
-    seen = problem.task.observe(problem.contexts("test", 20))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 20)))
     found, _ = model.predict(seen, deterministic=True)
     observed = torch.as_tensor(seen)
 
@@ -86,7 +86,7 @@ def test_a_searched_launch_is_rated_better_than_the_actors_and_than_nearly_all_o
 def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(algorithm, policy, tmp_path):
     """Oracle: the same observations twice, alone or among others, before and after a file."""
     problem, model = policy_of(algorithm, policy, own_scenario("track_grade_20"))
-    seen = problem.task.observe(problem.contexts("test", 30))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 30)))
     first, _ = model.predict(seen, deterministic=True)
     model.predict(seen, deterministic=False)
     assert np.array_equal(model.predict(seen, deterministic=True)[0], first)
@@ -99,7 +99,7 @@ def test_a_searched_launch_is_a_function_of_what_is_seen_and_survives_saving(alg
 def test_a_critic_is_told_the_first_touch_of_a_landing_and_not_of_a_launch(algorithm, policy):
     """Oracle: what the first layer of its network takes, against the closed forms; without landings it is narrower."""
     problem, model = policy_of(algorithm, policy, own_scenario("boulders"))
-    seen = problem.task.observe(problem.contexts("test", 6))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 6)))
     landings = np.linspace(-1.0, 1.0, 6 * problem.actions, dtype=np.float32).reshape(6, -1)
     told = []
     (network, *_) = model.critic.q_networks
@@ -113,7 +113,7 @@ def test_a_critic_is_told_the_first_touch_of_a_landing_and_not_of_a_launch(algor
 def test_sac_explores_with_its_actor():
     """Oracle: a wide actor moves from draw to draw, a search does not."""
     problem, model = policy_of(SAC, SearchingSAC)
-    seen = problem.task.observe(problem.contexts("train", 5))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("train", 5)))
     one, other = (model.predict(seen, deterministic=False)[0] for _ in range(2))
     assert not np.array_equal(one, other)
 
@@ -164,7 +164,7 @@ def test_an_agent_without_landings_launches_what_its_policy_says(landings, tmp_p
     quick = {"n_timesteps": 64, "n_envs": 8, "n_steps": 4, "n_epochs": 1, "batch_size": 8, "checks": 1}
     agents = [PpoAgent.train(problem, default_settings("ppo", problem) | quick | {"landings": landings}, 0, tmp_path)]
     agents += [PpoAgent.load(problem, tmp_path), PpoAgent.load_untrained(problem, tmp_path)]
-    seen = problem.task.observe(problem.contexts("test", 50))
+    seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 50)))
     for agent in agents:
         told, _ = agent.model.predict(seen, deterministic=True)
         assert np.array_equal(agent.act(seen), told) != landings

@@ -35,11 +35,12 @@ def settings(problem: Problem) -> dict:
 
 
 def begun(problem: Problem, count: int = 60):
-    """Return contexts, rides that wait for their first trim, and what is seen of them."""
+    """Return scenes, rides that wait for their first trim, and what is seen of them."""
     contexts = problem.contexts("validation", count)
-    rides = problem.task.rides(contexts, keep_rebounds=True)
-    rides.await_flights(np.arange(count))
-    return contexts, rides, problem.task.observe(contexts, rides.outcomes())
+    scenes = problem.task.scenes(contexts)
+    rides = problem.task.simulator(scenes, keep_rebounds=True)
+    rides.wait()
+    return scenes, rides, problem.task.observe(scenes, rides.flights)
 
 
 def critic_of(flights: Flights) -> Critic:
@@ -48,12 +49,12 @@ def critic_of(flights: Flights) -> Critic:
 
 def test_the_ground_is_that_of_the_track(problem, flights):
     """Oracle: straight lines between the vertices of the scenario, as far as they are seen."""
-    contexts, rides, seen = begun(problem, 20)
-    x = rides.outcomes()["x"]
+    scenes, rides, seen = begun(problem, 20)
+    x = rides.flights["x"]
     away = np.linspace(-3.0, 10.0, 40)
     heights, _ = flights.land(seen).ground.at(np.tile(away.astype(np.float32), (20, 1)))
-    for lane, vertices in enumerate(problem.scenario.vertices(contexts)):
-        known = vertices[np.isfinite(vertices[:, 0]), :2]
+    for lane, vertices in enumerate(scenes.grounds()):
+        known = np.column_stack([vertices["x"], vertices["y"]])
         ground = np.interp(x[lane] + away, *known.T) - np.interp(x[lane], *known.T)
         passed = int(np.searchsorted(known[:, 0], x[lane]))
         first, last = known[max(passed - 2, 0), 0], known[min(passed + 7, len(known) - 1), 0]
@@ -64,7 +65,7 @@ def test_the_ground_is_that_of_the_track(problem, flights):
 def test_the_landing_is_foreseen(problem, flights):
     """Oracle: the simulator; an end of the sled touches a little before its middle is as low as when it lies."""
     _, rides, seen = begun(problem)
-    began, rebounds = rides.outcomes()["t"], rides.outcomes()["rebounds"]
+    began, rebounds = rides.flights["t"], rides.flights["rebounds"]
     landings = flights.land(seen)
     rides.hop(np.zeros(len(began)))
     batch = rides.descents()
@@ -83,7 +84,7 @@ def test_a_trim_is_told_by_the_pose_and_spin_it_lands_with(problem, flights):
     trims = np.array([-1.0, 0.0, 0.5], np.float32)
     told = flights.trimmed(landings, np.tile(trims, (len(seen), 1)))
     assert told.shape == (len(seen), 3, flights.trim_width)
-    outcomes = rides.outcomes()
+    outcomes = rides.flights
     spins = outcomes["omega"][:, np.newaxis] + problem.scenario.rider.trim_rad_s * trims
     angles = outcomes["phi"][:, np.newaxis] + spins * landings.time[:, np.newaxis]
     np.testing.assert_allclose(told[..., 3], angles, atol=1e-3)

@@ -19,6 +19,7 @@ from sledenv.benchmark.runs import train
 from sledenv.command.cli import main
 from sledenv.pages.play import MOST_SEEDS, map_page
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
+from sledenv.simulation.simulate import simulate
 from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
 from tests.own_scenarios import own_scenario
 
@@ -93,8 +94,8 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
     for i, mark in enumerate(marks):
         chromium.click(f"[data-mark='{i}']")
         wait_until(chromium, f"!asking && Math.abs(launchOf().speed - {mark['launch']['speed']!r}) < 1e-9")
-        state = problem.scenario.launch(context, mark["launch"]["orientation"], speed=mark["launch"]["speed"])
-        descent = problem.task.descend(np.array([context]), state, "trajectory")
+        given = problem.scenario.given(context, mark["launch"]["orientation"], speed=mark["launch"]["speed"])
+        descent = simulate(*given, problem.scenario.settings())
         status, reward = chromium.run("return [shown.status, shown.jam.reward]")
         assert status == str(descent.status)
         assert reward == pytest.approx(float(descent.jam.reward), abs=1e-6)

@@ -207,11 +207,14 @@ def test_no_spread_has_no_width():
     assert found.falls_interval[0] < 0.6
 
 
+SPACE = Problem("sled_rollers", "descent").task.observation_space
+
+
 class Model:
     """Has the spaces of a model."""
 
     def __init__(self, seen: int = 52, acts: int = 1, **given: Any) -> None:
-        self.observation_space = spaces.Box(-1.0, 1.0, (seen,), np.float32)
+        self.observation_space = SPACE if seen == 52 else spaces.Box(-1.0, 1.0, (seen,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (acts,), np.float32)
         vars(self).update(given)
 
@@ -243,8 +246,21 @@ class Broken:
         (still, {"launch_noise": (0.1, -1.0)}, "launch_noise.spin = -1.0: must be in [0, inf)"),
         (None, {}, "policy = None: must be a function of observations, an object with predict or act, or the"),
         (Model, {}, "policy = <class"),
-        (Model(22), {}, "policy.observation_space = Box(-1.0, 1.0, (22,), float32): must be Box(-1.0, 1.0, (52,)"),
-        (Model(52, 2), {}, "policy.action_space = Box(-1.0, 1.0, (2,), float32): must be Box(-1.0, 1.0, (1,), float3"),
+        (
+            Model(observation_space=spaces.Box(-1.0, 1.0, (52,))),
+            {},
+            "policy.observation_space has other bounds: must be",
+        ),
+        (
+            Model(22),
+            {},
+            "policy.observation_space has shape (22,): must be (52,) of sledenv/SledDescent-v0 in sled_rollers",
+        ),
+        (
+            Model(52, 2),
+            {},
+            "policy.action_space has shape (2,): must be (1,) of sledenv/SledDescent-v0 in sled_rollers",
+        ),
         (Model(), {"normalize": 5}, "normalize = 5: must be a VecNormalize of stable-baselines3"),
         (
             Model(),

@@ -36,8 +36,8 @@ def test_a_launch_lands_in_the_pose_that_told_it(scenario, control):
     launches = landing.launches(contexts, landings)
     assert np.abs(launches).max() <= 1.0
     np.testing.assert_array_equal(launches[:, 1:], landings[:, 1:])
-    states = task.launches(contexts, launches)
-    first = task.descend_batch(contexts, states, keep_rebounds=True).rebounds[:, 0]
+    scenes = task.aimed(task.scenes(contexts), launches)
+    states, first = scenes.launches, task.descend(scenes, keep_rebounds=True).rebounds[:, 0]
     off = first["phi"] - np.pi * landings[:, 0]
     lands = np.abs(off - TURN * np.rint(off / TURN)) < 1e-9
     time = landing.flight_time(contexts, np.pi * landings[:, 0], lambda _: states[:, 5])

@@ -196,7 +196,7 @@ def test_shifted_contexts_are_harder_and_seen_on_the_scale_of_the_others():
     speed = Context._fields.index("speed")
     assert shifted[:, speed] == pytest.approx(1.25 * plain[:, speed])
     assert np.array_equal(np.delete(shifted, speed, axis=1), np.delete(plain, speed, axis=1))
-    slopes = (one.scenario.slope(Context(*contexts[0])) for one, contexts in ((problem, plain), (other, shifted)))
+    slopes = (one.scenario.given(Context(*contexts[0])).slope for one, contexts in ((problem, plain), (other, shifted)))
     low, high = (max(y for _, y in slope.profile) for slope in slopes)
     assert high == pytest.approx(1.25 * low)
     seen = []

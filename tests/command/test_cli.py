@@ -54,10 +54,7 @@ def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.Cap
     scenario = load_scenario("sled_snow")
     (jam,) = (line for line in capsys.readouterr().out.splitlines() if line.startswith("jam "))
     context = scenario.sample(np.random.default_rng(3))
-    descent = simulate(
-        scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context),
-        settings=scenario.settings(),
-    )  # fmt: skip
+    descent = simulate(*scenario.given(context), scenario.settings())
     assert descent.at_line is not None
     assert jam.endswith(f", all at the line, after {descent.at_line[0]:.4f} s")
     assert descent.at_line[0] < descent.time
@@ -75,13 +72,11 @@ def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.
     found = json.loads(capsys.readouterr().out, parse_constant=pytest.fail)
     scenario = load_scenario(own_scenario("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
-    law, launch = scenario.law(context), scenario.launch(context, spin=-0.5)
-    descent = simulate(
-        scenario.body(), law, scenario.slope(context), launch, end_on_chord=True, max_time=scenario.limits.max_time_s
-    )
+    given = scenario.given(context, spin=-0.5)
+    descent = simulate(*given, end_on_chord=True, max_time=scenario.limits.max_time_s)
     assert (found["scenario"], found["seed"], found["solver"]) == ("bowl_snow", 3, "compliant")
-    assert found["launch"] == launch._asdict()
-    assert found["law"]["restitution"] == law.restitution
+    assert found["launch"] == given.launch._asdict()
+    assert found["law"]["restitution"] == given.law.restitution
     assert (found["status"], found["time"], found["state"]) == (descent.status, descent.time, descent.state._asdict())
     assert found["jam"]["reward"] == descent.jam.reward
     assert found["energy"]["residual"] == descent.energy.residual
@@ -127,7 +122,7 @@ def test_sensitivity_prints_derivatives_and_draws_growth(tmp_path: Path, capsys:
     rows = {line.split()[0]: line.split() for line in out.splitlines() if line}
     scenario = load_scenario(own_scenario("bowl_snow"))
     context = scenario.sample(np.random.default_rng(3))
-    given = scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
+    given = scenario.given(context)
     found = sensitivity(*given, Settings(end_on_chord=True), rebounds=2)
     assert rows["length"][4] == "1"  # x at the end
     assert rows["friction"][6] == f"{found.of_end('reward', 'friction'):.4g}"

@@ -14,10 +14,10 @@ import pytest
 
 from sledenv.compiler.entries import Entry, Table
 from sledenv.kernel.contacts import SPACE
-from sledenv.kernel.entries import LIBRARY, run_complete, run_lanes, run_lay, run_lowest
+from sledenv.kernel.entries import LIBRARY, run_complete, run_embark, run_lanes, run_lay, run_lowest
 from sledenv.kernel.geometry import PIECE
-from sledenv.kernel.params import Limits, State
-from sledenv.kernel.records import OUTCOME, REBOUND, RUNNING, TRAJECTORY
+from sledenv.kernel.params import SCENE, ZONE_FIELDS, ContactLaw, Limits, Slope, State
+from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.simulation.bodies import segment_records
 from sledenv.simulation.shapes import polygon
 
@@ -39,32 +39,38 @@ def calls(seed: int) -> list[Call]:
     bodies[::4] = polygon(80.0, [(0.0, 0.0), (0.5, 0.1), (0.4, 0.6), (0.1, 0.7)], rounding=0.02).record
     slopes = np.column_stack([rng.uniform(-0.1, 0.4, LANES), rng.uniform(3.0, 15.0, LANES), np.full(LANES, 9.81)])
     arms, friction = rng.uniform(0.0, 0.01, (LANES, 2)), rng.uniform(0.0, 0.6, LANES)
-    compliant = np.column_stack([np.exp(rng.uniform(9.0, 16.0, LANES)), rng.uniform(0.0, 0.95, LANES), friction, arms])
-    rigid = np.column_stack([rng.uniform(0.0, 1.0, LANES), friction, arms, np.full(LANES, 1e-3)])
+    laws = np.column_stack([np.exp(rng.uniform(9.0, 16.0, LANES)), rng.uniform(0.0, 0.95, LANES), friction, arms])
+    restitution = rng.uniform(0.0, 1.0, LANES)
     phi, lowest = rng.uniform(-math.pi, math.pi, LANES), (np.empty(LANES, np.int64), np.empty((LANES, 2)))
-    run_lowest(bodies, phi, *lowest)
+    numbers = np.arange(float(LANES))
+    run_lowest(bodies, numbers, phi, *lowest)
     height = lowest[1][:, 1] + rng.uniform(0.01, 1.0, LANES)
     velocity = rng.uniform([-1.0, -3.0, -8.0], [5.0, 1.0, 8.0], (LANES, 3))
     launches = np.column_stack([np.zeros(LANES), height, phi, velocity])
+    scenes = np.zeros(LANES, SCENE)
+    for names, columns in ((ContactLaw._fields, laws), (Slope._fields, slopes), (State._fields, launches)):
+        for name, column in zip(names, columns.T, strict=True):
+            scenes[name] = column
+    scenes["body"], scenes["settle_speed"], scenes["rotor_inertia"] = numbers, 1e-3, 1.0
     made: list[Call] = [
         (run_complete, (bodies.copy(),)),
-        (run_lowest, (bodies, phi, np.empty(LANES, np.int64), np.empty((LANES, 2)))),
+        (run_lowest, (bodies, numbers, phi, np.empty(LANES, np.int64), np.empty((LANES, 2)))),
     ]
     bumps = np.array([[1.0, 0.0], [2.0, 0.2], [3.0, -0.1], [5.0, 0.1]])
-    for laws, vertices in ((compliant, bumps), (rigid, bumps[:0])):
+    for is_rigid, vertices in ((0, bumps), (1, bumps[:0])):
         pieces = np.zeros(len(vertices) + 1, PIECE)
         run_lay(vertices, pieces)
-        track = np.array([[0.0, len(pieces)]])
-        flights, logs = np.zeros(LANES, OUTCOME), np.zeros((LANES, 20), REBOUND)
-        flights["status"] = RUNNING
-        flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
-        for i, name in enumerate(State._fields):
-            flights[name] = launches[:, i]
-        is_rigid = int(laws is rigid)
-        tables = (is_rigid, LIMITS, bodies, laws, slopes, launches, np.empty((0, 3)), track, pieces)
-        rows = np.zeros(4000, TRAJECTORY)
-        made.append((run_lanes, (*tables, flights.copy(), logs, rows[:0], np.zeros(1, SPACE), LANES)))
-        made.append((run_lanes, (*tables, flights, logs.copy(), rows, np.zeros(1, SPACE), 1)))
+        rows = scenes.copy()
+        rows["ground_end"] = float(len(pieces))
+        if is_rigid:
+            rows["asymmetry"] = (1.0 - restitution**2) / (1.0 + restitution**2)
+        tables = rows, bodies, pieces, np.empty((0, ZONE_FIELDS))
+        flights, logs, trims = np.zeros(LANES, OUTCOME), np.zeros((LANES, 20), REBOUND), np.empty((0, 2))
+        made.append((run_embark, (*tables, flights.copy())))
+        run_embark(*tables, flights)
+        given, trajectory = (is_rigid, LIMITS, *tables, trims), np.zeros(4000, TRAJECTORY)
+        made.append((run_lanes, (*given, flights.copy(), logs, trajectory[:0], np.zeros(1, SPACE), LANES)))
+        made.append((run_lanes, (*given, flights, logs.copy(), trajectory, np.zeros(1, SPACE), 1)))
     return made
 
 
@@ -126,5 +132,5 @@ def test_an_aarch64_processor_computes_the_same_bits(tmp_path: Path) -> None:
                 np.testing.assert_array_equal(found[name], here[name], err_msg=f"{entry.name}: {name}")
             if not here.dtype.names:
                 np.testing.assert_array_equal(found, here, err_msg=entry.name)
-    flights = next(one for one in made[2][1] if isinstance(one, np.ndarray) and one.dtype == OUTCOME)
+    flights = next(one for one in made[3][1] if isinstance(one, np.ndarray) and one.dtype == OUTCOME)
     assert (flights["rebounds"] > 2).mean() > 0.5  # there is something to compare

@@ -14,7 +14,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import Task, highest_support
+from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.support import support_height
@@ -64,36 +64,24 @@ def test_batches_and_rides_are_the_descents_of_the_bodies(solver, keep_rebounds)
     """Oracle: simulate() of the body, the law, the slope and the launch of each context."""
     task = Task(SEVERAL, solver=solver, ride=True)
     contexts = task.scenario.contexts(np.random.default_rng(1).random((40, FIELDS)))
-    launches = task.launches(contexts)
-    batch = task.descend_batch(contexts, launches, keep_rebounds=keep_rebounds)
-    rides = task.rides(contexts, keep_rebounds=keep_rebounds)
-    while (rides.outcomes()["status"] == RUNNING).any():
+    scenes = task.scenes(contexts)
+    batch = task.descend(scenes, keep_rebounds=keep_rebounds)
+    rides = task.simulator(scenes, keep_rebounds=keep_rebounds)
+    while (rides.flights["status"] == RUNNING).any():
         rides.hop(np.zeros(40))
     followed = rides.descents()
     assert len(batch.rebounds) == (40 if keep_rebounds else 0)
     for i in range(40):
         context = sledenv.Context(*contexts[i].tolist())
-        launch = task.scenario.launch(context)
-        assert launch == sledenv.State(*launches[i])
-        given = SEVERAL.all_bodies()[int(context.shape)], SEVERAL.law(context), SEVERAL.slope(context), launch
+        given = task.scenario.given(context)
+        assert given.launch == sledenv.State(*scenes.launches[i])
+        assert given.body == SEVERAL.all_bodies()[int(context.shape)]
         alone = sledenv.simulate(*given, SEVERAL.settings(solver))
         for found in (batch, followed):
             assert found.outcomes[i] == alone.outcome
             assert [column[i] for column in found.jam] == list(alone.jam)
             if keep_rebounds:
                 assert np.array_equal(found.rebounds[i, : len(alone.rebounds)], alone.rebounds)
-
-
-def test_contexts_go_by_their_bodies():
-    task = Task(SEVERAL)
-    contexts = SEVERAL.contexts(np.random.default_rng(2).random((30, FIELDS)))
-    parts = task.by_body(contexts)
-    assert [body for body, _ in parts] == list(task.bodies)
-    assert sorted(np.concatenate([rows for _, rows in parts]).tolist()) == list(range(30))
-    for i, (body, rows) in enumerate(parts):
-        assert (contexts[rows, SHAPE] == i).all()
-        assert task.by_body(contexts[rows]) == [(body, slice(None))]
-    assert task.launches(contexts[:0], np.zeros((0, len(task.controlled)))).shape == (0, 6)
 
 
 def test_a_body_can_be_asked_for():
@@ -138,25 +126,26 @@ def test_contexts_and_flights_are_seen_with_their_body():
     """Oracle: the states at the rebounds; the number of the body exactly."""
     task = Task(SEVERAL, ride=True)
     contexts = task.scenario.contexts(np.random.default_rng(3).random((60, FIELDS)))
-    rides = task.rides(contexts)
+    rides = task.rides(task.scenes(contexts))
     rides.hop(np.zeros(60))
-    flights = rides.outcomes()
-    observed = task.observe(contexts, flights)
+    flights = rides.flights
+    observed = task.observe(rides.scenes, flights)
     assert np.array_equal(task.contexts_seen(observed)[:, SHAPE], contexts[:, SHAPE])
-    states = task.flights_seen(observed).states
-    running = flights["status"] == RUNNING
+    seen, running = task.columns.values(observed), flights["status"] == RUNNING
     assert running.sum() > 20
-    for i, name in enumerate(sledenv.State._fields):
-        if name != "phi":
-            assert states[running, i] == pytest.approx(flights[name][running], abs=2e-5)
+    for name in ("u", "v", "omega"):
+        assert seen[name][running] == pytest.approx(flights[name][running], abs=2e-5)
+    assert seen["height"][running] == pytest.approx(flights["y"][running], abs=2e-5)
+    mass = np.array([body.mass for body in task.bodies])[contexts[:, SHAPE].astype(int)]
+    assert (seen["supplied"] * mass)[running] == pytest.approx(flights["supplied"][running], rel=2e-5)
 
 
 def test_the_scales_of_a_flight_are_those_of_the_fastest_body():
     """Oracle: tasks with each body alone."""
     alone = [Task(scenario(body)) for body in BODIES]
     task = Task(SEVERAL)
-    assert task._speed == max(one._speed for one in alone)
-    assert task._spin == max(one._spin for one in alone)
+    assert task.columns.scales.speed == max(one.columns.scales.speed for one in alone)
+    assert task.columns.scales.size == max(one.columns.scales.size for one in alone)
 
 
 def test_landings_are_those_of_each_body():
@@ -165,11 +154,10 @@ def test_landings_are_those_of_each_body():
     contexts = problem.contexts("test", 30)
     landings = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 1))
     found = Landing(problem).launches(contexts, landings)
-    assert problem.task.of_bodies(contexts, highest_support).tolist() == [
-        highest_support(problem.task.body(contexts[i : i + 1])) for i in range(30)
-    ]
     heights = problem.task.support_heights(contexts, np.full(30, 0.3))
-    assert heights.tolist() == [support_height(SEVERAL.body(sledenv.Context(*row)), 0.3) for row in contexts.tolist()]
+    assert heights.tolist() == [
+        support_height(SEVERAL.given(sledenv.Context(*row)).body, 0.3) for row in contexts.tolist()
+    ]
     for i, section in enumerate(BODIES):
         own = contexts[:, SHAPE] == i
         alone = contexts[own].copy()

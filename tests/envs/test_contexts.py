@@ -14,7 +14,7 @@ import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.vector import SledLaunchVector
-from sledenv.simulation.support import support_heights
+from sledenv.simulation.support import support_heights, within_a_turn
 from tests.own_scenarios import own_scenario
 
 SPLITS = ("train", "validation", "test")
@@ -94,12 +94,13 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     sigma = np.array([0.2, 0.7])
     quiet, noisy = SledLaunchVector(4000, control=control), SledLaunchVector(4000, control=control, launch_noise=sigma)
     noisy.reset(seed=0)
-    contexts = noisy.episodes.contexts
+    scenes = noisy.episodes.lanes.scenes
+    contexts = scenes.drawn
     actions = np.random.default_rng(0).uniform(-1.0, 1.0, (4000, len(quiet.task.controlled)))
     exact, disturbed = (
-        env.task.launches(contexts[:, :n], actions) for env, n in ((quiet, FIELDS), (noisy, FIELDS + 2))
+        noisy.task.aimed(given, actions).launches for given in (quiet.task.scenes(contexts[:, :FIELDS]), scenes)
     )
-    noise = (disturbed - exact)[:, [2, 5]] / sigma
+    noise = within_a_turn(disturbed - exact)[:, [2, 5]] / sigma
     for column in noise.T:
         assert kstest(column, "norm").pvalue > 1e-3
     assert abs(np.corrcoef(noise.T)[0, 1]) < 0.05

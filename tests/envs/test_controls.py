@@ -73,10 +73,11 @@ def test_an_action_scales_to_the_bounds_and_leaves_the_rest_to_the_context(contr
     """Oracle: the bounds by hand; -1 and 1 are the bounds themselves."""
     task = Task(SCENARIO, control)
     contexts = SCENARIO.contexts(np.array([draws]))
-    drawn = SCENARIO.launches(contexts)[0]
+    scenes = SCENARIO.scenes(contexts)
+    drawn = scenes.launches[0]
     count = len(task.controlled)
     for values in (action[:count], [-1.0] * count, [1.0] * count):
-        state = task.launches(contexts, np.array([values]))[0]
+        state = task.aimed(scenes, np.array([values])).launches[0]
         for name, column in COLUMN.items():
             if name in task.controlled:
                 low, high = in_context_units(name)
@@ -101,9 +102,9 @@ def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
         speeds = np.array(BOUNDS["speed"])
     else:
         contexts[:, 3] = speeds = np.array([1.0, 4.0])
-    launches = task.launches(contexts, actions)
-    assert launches[:, 3].tolist() == speeds.tolist()
-    supplied = task.descend_batch(contexts, launches).outcomes["supplied"]
+    scenes = task.aimed(task.scenes(contexts), actions)
+    assert scenes.launches[:, 3].tolist() == speeds.tolist()
+    supplied = task.descend(scenes).outcomes["supplied"]
     assert np.diff(supplied) == pytest.approx(0.5 * task.bodies[0].mass * np.diff(speeds**2), rel=1e-9)
 
 

@@ -19,11 +19,11 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import sledenv
 from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
+from sledenv.envs.columns import STATE
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
-from sledenv.envs.task import FLIGHT, Task
+from sledenv.envs.task import Task
 from sledenv.scenarios.tracks import TRACKS, standard_normals
-from sledenv.simulation.outlook import ground_of
 from sledenv.simulation.support import support_height
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -127,7 +127,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
             earned = 0.5 * jam["progress"] + (0.5 * np.sqrt(jam["retention"]) if terminated else 0.0)
             assert reward == pytest.approx(earned - gained, abs=1e-12)
             gained = earned
-            x = env.episodes.rides.outcomes()["x"][0]
+            x = env.episodes.lanes.flights["x"][0]
             assert jam["progress"] == pytest.approx(np.clip(x / length, 0.0, 1.0), abs=1e-12)
         if info["is_success"]:
             outcome = env.episodes.viewers[0]._recorded()
@@ -151,27 +151,31 @@ def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_gro
     reach, relief = 2 * (8.0 + 6.0 + 1.5 + 6.0), 0.4
     below = 44.0 * np.sin(np.radians(11.0)) + relief
     speed = np.sqrt(14.0**2 + body.inertia / body.mass + 2.0 * 9.81 * (0.4 + body.size + below))
-    spin, lent = speed * np.sqrt(body.mass / body.inertia), 1.0 + 4.0 * 0.3
+    spin, lent = speed / body.size, 1.0 + 4.0 * 0.3
     rng, seen = np.random.default_rng(1), 0
     for seed in range(20):
         observation, info = env.reset(seed=seed)
-        slope, ended = scenario.slope(sledenv.Context(**info["context"])), False
+        slope, ended = scenario.given(sledenv.Context(**info["context"])).slope, False
         while not ended:
-            row = env.episodes.rides.outcomes()[0]
+            row = env.episodes.lanes.flights[0]
             ground = np.interp(row["x"], *np.array(slope.profile).T)
             expected = (
-                1.0 - row["x"] / 44.0, (row["y"] - ground) / (0.4 + 2.0 * body.size + relief), np.sin(row["phi"]),
-                np.cos(row["phi"]), row["u"] / speed, row["v"] / speed, row["omega"] / spin, row["trim"] / lent,
-                row["supplied"] / (body.mass * speed**2), row["t"] / 30.0, row["rebounds"] / 200,
+                1.0 - row["x"] / 40.0, (row["y"] - ground) / (0.4 * body.size), np.sin(row["phi"]),
+                np.cos(row["phi"]), 4.0 * row["u"] / speed, 8.0 * row["v"] / speed, 3.0 * row["omega"] / spin,
+                row["trim"] / lent, 4.0 * row["supplied"] / (body.mass * speed**2),
+                row["t"] * speed / (3.0 * 40.0), row["rebounds"] / 15.0,
             )  # fmt: skip
-            assert len(expected) == len(FLIGHT)
+            assert len(expected) == len(STATE)
             assert observation[11:22] == pytest.approx(expected, abs=1e-6)
             behind = [vertex for vertex in slope.profile if vertex[0] <= row["x"]][-2:]
             ahead = [vertex for vertex in slope.profile if vertex[0] > row["x"]][:8]
-            told = [[(x - row["x"]) / reach, (y - ground) / relief, 1.0] for x, y in behind + ahead]
+            order = [*range(len(behind), 0, -1), *range(1, 9)]
+            told = [
+                [8.0 * (x - row["x"]) / (k * reach), (y - ground) / relief, 1.0]
+                for k, (x, y) in zip(order, behind + ahead, strict=False)
+            ]
             told = [[0.0] * 3] * (2 - len(behind)) + told + [[0.0] * 3] * (8 - len(ahead))
             assert observation[22:] == pytest.approx(np.ravel(told), abs=1e-6)
-            assert np.abs(observation[22:]).max() <= 1.0
             seen += 1
             observation, _, ended, _, info = env.step(random_action(env, rng))
     assert seen > 50
@@ -179,30 +183,35 @@ def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_gro
     assert env.observation_names[22:26] == ("behind_2_x", "behind_2_y", "behind_2_there", "behind_1_x")
 
 
-def test_ground_that_is_given_is_seen_in_place_of_that_of_the_track():
-    """Oracle: what is seen of the track itself, which another number hides; without its last vertices, none there."""
-    task = Task(BUMPS, ride=True)
-    contexts = task.scenario.contexts(np.random.default_rng(3).random((20, task.draws)))
-    rides = task.rides(contexts)
-    rides.await_flights(np.arange(20))
-    seen, vertices = task.observe(contexts, rides.outcomes()), task.scenario.vertices(contexts)
-    others = contexts.copy()
-    others[:, sledenv.Context._fields.index("track")] = contexts[::-1, sledenv.Context._fields.index("track")]
-    assert not np.array_equal(task.observe(others, rides.outcomes()), seen)
-    assert np.array_equal(task.observe(others, rides.outcomes(), ground=ground_of(vertices)), seen)
-    cut = task.observe(others, rides.outcomes(), ground=ground_of(vertices[:, :4])).reshape(20, -1)
-    behind = (vertices[:, :4, 0] <= rides.outcomes()["x"][:, np.newaxis]).sum(axis=1)
-    ahead = cut[:, -24:].reshape(20, 8, 3)
-    assert (ahead[..., 2].sum(axis=1) == 4 - behind).all()
-    assert np.array_equal(ahead[ahead[..., 2] > 0.5], seen[:, -24:].reshape(20, 8, 3)[ahead[..., 2] > 0.5])
+def test_planners_are_told_no_more_than_is_seen():
+    """Oracle: what is seen, which is the same; the ground of the ride up to the eighth vertex, level behind it."""
+    task = Task(UNSTEADY, ride=True, observe=("angle", "restitution"))
+    scenes = task.scenario.draw(np.random.default_rng(3).random((20, task.scenario.draws)))
+    rides = task.rides(scenes)
+    rides.hop(np.full(20, 0.3))
+    known = task.masked(rides.scenes, rides.flights)
+    assert np.array_equal(task.observe(known, rides.flights), task.observe(rides.scenes, rides.flights))
+    low, high = task.scenario.ranges
+    assert (known.rows["friction"] == 0.5 * (low[1] + high[1])).all()
+    assert known.rows["angle"].tolist() == scenes.rows["angle"].tolist()
+    assert not known.rows["stream"].any()
+    for told, own, x in zip(known.grounds(), scenes.grounds(), rides.flights["x"], strict=True):
+        count = min(len(own), int((own["x"] <= x).sum()) + 8)
+        assert count - 1 <= len(told) <= count
+        for name in ("x", "y"):
+            assert told[name].tolist() == own[name][: len(told)].tolist()
+        assert len(told) == count or own["y"][count - 1] == told["y"][-1]
+    again = task.masked(known, rides.flights)
+    assert again.rows.tobytes() == known.rows.tobytes()
+    assert again.pieces.tobytes() == known.pieces.tobytes()
 
 
 def test_a_launch_on_a_profile_sees_the_first_vertices():
     """Oracle: the vertices of the slope; on a plane there are none to see."""
     env = SledLaunch(BUMPS)
     observation, info = env.reset(seed=4)
-    profile = BUMPS.slope(sledenv.Context(**info["context"])).profile
-    told = [[x / 43.0, y / 0.4, 1.0] for x, y in profile[:8]]
+    profile = BUMPS.given(sledenv.Context(**info["context"])).slope.profile
+    told = [[8.0 * x / (43.0 * (k + 1)), y / 0.4, 1.0] for k, (x, y) in enumerate(profile[:8])]
     assert observation[11:] == pytest.approx(np.ravel(told), abs=1e-6)
     assert env.observation_names[11:14] == ("ahead_1_x", "ahead_1_y", "ahead_1_there")
     assert SledLaunch("sled_snow").observation_space.shape == (11,)
@@ -213,11 +222,11 @@ def test_every_decision_is_of_a_flight_that_is_long_enough():
     env, short = SledDescent(BUMPS), 0
     for seed in range(30):
         env.reset(seed=seed)
-        begins = [float(env.episodes.rides.outcomes()["t"][0])]
+        begins = [float(env.episodes.lanes.flights["t"][0])]
         ended = False
         while not ended:
             *_, ended, _, info = env.step(np.zeros(1, np.float32))
-            begins += [] if ended else [float(env.episodes.rides.outcomes()["t"][0])]
+            begins += [] if ended else [float(env.episodes.lanes.flights["t"][0])]
         log = info["rebounds"]
         starts, ends = [0.0, *log["t"]], [*log["t_touchdown"], info["descent"]["time"]]
         flights = {start: end - start for start, end in zip(starts, ends, strict=True)}
@@ -237,7 +246,7 @@ def test_a_descent_without_a_long_flight_ends_in_the_reset_and_its_first_step_pa
         _, reward, terminated, truncated, last = env.step(np.ones(1, np.float32))
         assert (terminated, truncated) == (True, False)
         contexts = np.array([list(info["context"].values())])
-        descent = env.task.descend(contexts, sledenv.State(*env.task.launches(contexts)[0].tolist()))
+        descent = env.task.descent(env.task.scenes(contexts))
         assert reward == descent.jam.reward
         assert last["rebounds"]["t"] == descent.rebounds["t"].tolist()
         assert last["descent"]["energy"]["work"] == 0.0
@@ -256,7 +265,7 @@ def test_the_errors_of_an_unsteady_rider_are_normal_and_independent():
         assert stats.kstest(errors, "norm").pvalue > 1e-3
         assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.03
     assert abs(np.corrcoef(first, second)[0, 1]) < 0.03
-    vertices = UNSTEADY._vertices(numbers)
+    vertices = UNSTEADY._bumps.draw(numbers)
     for bump in (vertices[:, 0, 0], vertices[:, 1, 0] - vertices[:, 0, 0], vertices[:, 1, 1]):
         assert abs(np.corrcoef(first, bump)[0, 1]) < 0.03
         assert abs(np.corrcoef(first**2, bump)[0, 1]) < 0.03  # the size of an error is that of one of its two draws
@@ -277,9 +286,9 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
             while not ended:
                 action = random_action(env, rng)
                 *_, ended, _, _ = env.step(action)
-                error = scenario.errors(context, np.array([k]))[0]
+                error = scenario.errors(context[:, -1], np.array([k]))[0]
                 asked.append(scenario.rider.trim_rad_s * float(action[0]) + error)
-                lent.append(float(env.episodes.rides.outcomes()["trim"][0]))
+                lent.append(float(env.episodes.lanes.flights["trim"][0]))
                 k += 1
         assert lent == asked
         assert (context[0, -1] > 0.0) == (scenario is BUMPS or scenario.rider.noise_rad_s > 0.0)
@@ -307,7 +316,7 @@ def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, dra
 
 @pytest.mark.parametrize("solver", SOLVERS)
 def test_a_polygon_is_seen_as_it_flies(solver):
-    """Oracle: conservation of energy, by which no velocity leaves (-1, 1); the rebounds of the info."""
+    """Oracle: the rebounds and the ledger of the info."""
     content = sledenv.load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     points = [[0.0, 0.0], [1.0, 0.0], [0.9, 0.5], [0.1, 0.6]]
     content["body"] = {"kind": "polygon", "mass_kg": 100, "points_m": points}
@@ -318,18 +327,16 @@ def test_a_polygon_is_seen_as_it_flies(solver):
         env.reset(seed=seed)
         for observation, _, terminated, _, info in play(env, rng):
             if not terminated:
-                assert np.abs(observation[15:18]).max() < 1.0
-                seen = env.task.flights_seen(observation[np.newaxis])
+                seen = {name: value[0] for name, value in env.task.columns.values(observation[np.newaxis]).items()}
                 last = {name: column[-1] for name, column in info["rebounds"].items()}
-                expected = [last["x"], *(last[f"{name}_after"] for name in ("u", "v", "omega"))]
-                assert seen.states[0, [0, 3, 4, 5]] == pytest.approx(expected, abs=1e-4)
-                turned = seen.states[0, 2] - last["phi"]
+                assert env.task.scenario.slope_section.length_m - seen["left"] == pytest.approx(last["x"], abs=1e-5)
+                for name in ("u", "v", "omega"):
+                    assert seen[name] == pytest.approx(last[f"{name}_after"], abs=1e-5)
+                turned = np.arctan2(seen["sine"], seen["cosine"]) - last["phi"]
                 assert turned - TURN * np.rint(turned / TURN) == pytest.approx(0.0, abs=1e-6)
-                assert seen.states[0, 1] == pytest.approx(
-                    support_height(env.task.bodies[0], seen.states[0, 2]), abs=1e-4
-                )
-                assert seen.supplied[0] == pytest.approx(info["descent"]["energy"]["supplied"], rel=1e-6)
-                assert seen.profiles == [()]
+                assert seen["height"] == pytest.approx(support_height(env.task.bodies[0], last["phi"]), abs=1e-4)
+                energy = info["descent"]["energy"]["supplied"]
+                assert seen["supplied"] * env.task.bodies[0].mass == pytest.approx(energy, rel=1e-6)
                 found += 1
     assert found > 8
 

@@ -63,10 +63,10 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, chosen, scenario, dat
         low, high = scenario.control_bounds[name]
         low, high = np.radians((low, high)) if name == "orientation" else (low, high)
         given[name] = low + 0.5 * (value + 1.0) * (high - low)
-    launch = scenario.launch(context, **given)
+    launch = scenario.given(context, **given).launch
     assert launch.u == given.get("speed", context.speed)
     descent = sledenv.simulate(
-        scenario.body(context), scenario.law(context), scenario.slope(context), launch,
+        *scenario.given(context)[:3], launch,
         max_time=scenario.limits.max_time_s, max_rebounds=scenario.limits.max_rebounds,
         tolerance=scenario.limits.tolerance,
         end_on_chord=scenario.ends.on_chord, end_touching=scenario.ends.touching,
@@ -140,11 +140,11 @@ def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call
         assert env.render() == []
         ended = terminated or truncated
     assert all(np.array_equal(*pair) for pair in zip(first, shown[1:], strict=False))
-    context = plain.task.context(plain.episodes.contexts)
+    context = plain.task.context(plain.episodes.lanes.scenes)
     scenario = plain.task.scenario
     chosen = () if "Descent" in env_id else (0.0, 0.5 * sum(scenario.control.spin_rad_s))
-    launch = scenario.launch(context, *chosen)
-    body, law, slope = scenario.body(), scenario.law(context), scenario.slope(context)
+    launch = scenario.given(context, *chosen).launch
+    body, law, slope = scenario.given(context)[:3]
     options = {"record": "trajectory", "end_on_chord": scenario.ends.on_chord}
     whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, **options)))
     assert len(shown) == len(whole) > 50
@@ -173,8 +173,8 @@ def test_ansi_tells_the_launch_and_then_the_rebounds(env_id):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"episode": {}}, "must hold contexts, launches"),
-        ({"episode": None}, "must hold contexts, launches"),
+        ({"episode": {}}, "must hold lanes, trims"),
+        ({"episode": None}, "must hold lanes, trims"),
         ({"episode": {"pasts": []}}, r"snapshot.episode\['pasts'\] is empty"),
         ({"task": None}, "of another task"),
     ],

@@ -46,7 +46,7 @@ def test_what_is_hidden_reads_zero_and_nothing_else_changes(name):
 def test_a_hidden_field_is_taken_to_be_in_the_middle_of_its_range_by_those_who_ask():
     task, whole = Task("sled_snow", observe=SEEN), Task("sled_snow")
     contexts = whole.scenario.contexts(np.random.default_rng(0).random((50, len(Context._fields))))
-    seen, full = (one.contexts_seen(one.observe(contexts)) for one in (task, whole))
+    seen, full = (one.contexts_seen(one.observe(one.scenes(contexts))) for one in (task, whole))
     low, high = task.scenario.ranges
     assert np.allclose(seen[:, COLUMNS], 0.5 * (low + high)[COLUMNS], rtol=1e-12)
     others = [i for i in range(len(low)) if i not in COLUMNS]
@@ -91,7 +91,7 @@ def test_the_number_of_a_track_is_told_and_never_seen():
 def test_speeds_are_scaled_by_all_that_a_profile_can_supply():
     """Oracle: the energy of a fall from the highest to the lowest vertex on top of that of the plane."""
     flat, deep = Task(rollers(bumps=None)), Task(rollers(profile_m=[(5, 0), (10, -2), (15, -2), (20, 0)]))
-    assert deep._speed**2 - flat._speed**2 == pytest.approx(2.0 * 9.81 * 2.0)
+    assert deep.columns.scales.speed**2 - flat.columns.scales.speed**2 == pytest.approx(2.0 * 9.81 * 2.0)
 
 
 def test_order_and_repetition_do_not_matter_and_nothing_may_be_seen():
@@ -122,14 +122,12 @@ def test_info_tells_the_launch_with_its_error(kind, noise):
             total, ended = total + reward, terminated or truncated
         context = Context(**info["context"])
         told = info["launch"]
-        meant = scenario.launch(context)
+        meant = scenario.given(context).launch
         launch = meant._replace(phi=told["orientation"], omega=told["spin"], u=told["speed"])
-        height = sledenv.simulation.support.support_height(scenario.body(context), launch.phi)
+        height = sledenv.simulation.support.support_height(scenario.given(context).body, launch.phi)
         launch = launch._replace(y=height + context.drop)
         again = sledenv.simulate(
-            scenario.body(context),
-            scenario.law(context),
-            scenario.slope(context),
+            *scenario.given(context)[:3],
             launch,
             scenario.settings("compliant"),
         )

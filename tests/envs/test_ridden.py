@@ -22,7 +22,8 @@ def test_a_ride_is_repeated_from_its_trims(scenario):
     scenes = problem.trials(problem.contexts("test", 4), "test")[:, 0]
     batch, trims = problem.ride(Swinging(), scenes)
     for i in range(len(scenes)):
-        descent = problem.task.ridden(scenes[i : i + 1], trims[i][~np.isnan(trims[i])].tolist(), record="trajectory")
+        made = trims[i][~np.isnan(trims[i])].tolist()
+        descent = problem.task.ridden(problem.task.scenes(scenes[i : i + 1]), made, record="trajectory")
         assert descent.jam.reward == batch.jam.reward[i]
         assert descent.time == batch.outcomes["t"][i]
         assert descent.trajectory["t"][-1] == descent.time

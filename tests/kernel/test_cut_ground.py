@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import sledenv
+from sledenv.simulation.checks import checked_descent
 from sledenv.simulation.fineness import too_fine
-from sledenv.simulation.scene import Tracks
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.smoothing import fit_ground
 from sledenv.simulation.support import resting_heights
 from tests.rough_grounds import log_uniform
@@ -28,7 +29,7 @@ def ridden(
     """A ride that starts at x = 0, lying on the ground, with a speed along it."""
     ahead, behind = np.asarray(slope.height_at([0.3 * body.size, -0.3 * body.size])).tolist()
     tilt = math.atan2(ahead - behind, 0.6 * body.size)
-    (height,) = resting_heights(body.record, np.zeros(1), np.array([tilt]), Tracks.of((slope.ground,))).tolist()
+    (height,) = resting_heights(body.record, np.zeros(1), np.array([tilt]), Grounds.of((slope.vertices,))).tolist()
     law = sledenv.ContactLaw.from_restitution(0.3, stiffness=stiffness, friction=0.02, rolling_arm=0.0)
     launch = sledenv.State(0.0, height, tilt, speed * math.cos(tilt), speed * math.sin(tilt))
     with warnings.catch_warnings():
@@ -40,8 +41,11 @@ def ridden(
 
 def is_fine(body: sledenv.Body, slope: sledenv.Slope, stiffness: float) -> bool:
     """Whether a ground is cut more finely than the rule allows."""
-    laws, rows = np.array([sledenv.ContactLaw(stiffness, 0.0, 0.0, 0.0)]), np.array([slope.row])
-    return too_fine(body.record, laws, rows, Tracks.of((slope.ground,))) is not None
+    law, launch = sledenv.ContactLaw(stiffness, 0.0, 0.0, 0.0), sledenv.State(0.0, 1e6, 0.0)
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", ".*too finely")
+        scenes = checked_descent(body, law, slope, launch, sledenv.Settings()).scenes
+    return too_fine(scenes) is not None
 
 
 # Surveyed hills.

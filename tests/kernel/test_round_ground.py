@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import sledenv
-from sledenv.simulation.scene import Tracks
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.support import resting_heights
 
 G = 9.81
@@ -127,7 +127,7 @@ def test_the_sled_rides_through_a_round_dip_on_what_is_rounder(radius: float, co
     assert max(arc.radius for arc in sled.arcs) == pytest.approx(15.0)
     slope = bend(radius, -1.0)
     x = radius * math.sin(angle)
-    (height,) = resting_heights(sled.record, np.array([x]), np.array([angle]), Tracks.of((slope.ground,))).tolist()
+    (height,) = resting_heights(sled.record, np.array([x]), np.array([angle]), Grounds.of((slope.vertices,))).tolist()
     launch = sledenv.State(x, height, angle, 3.0 * math.cos(angle), 3.0 * math.sin(angle))
     descent = sledenv.simulate(
         sled, law(1e7, 0.005), slope, launch, max_time=0.2 * radius / 3.0, record="trajectory", sample_interval=1e-3

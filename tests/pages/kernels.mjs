@@ -8,7 +8,8 @@ const kernel = await Kernel.load(fs.readFileSync(file));
 const numbers = [];
 for (const one of JSON.parse(fs.readFileSync(input, "utf8"))) {
   const found = kernel.descend(one);
-  numbers.push(...Object.values(found.outcome), found.rebounds.t.length, found.trajectory.t.length);
+  numbers.push(...Object.values(found.outcome), ...Object.values(found.jam));
+  numbers.push(found.rebounds.t.length, found.trajectory.t.length);
   for (const table of [found.rebounds, found.trajectory, found.contacts])
     for (const column of Object.values(table)) for (const number of column) numbers.push(number);
 }

@@ -1,11 +1,10 @@
-/* Heights at which bodies rest: node resting.mjs KERNEL.JS PLAY_WORKER.JS KERNEL.WASM CASES, which it prints as JSON. */
+/* Heights at which bodies rest: node resting.mjs KERNEL.JS KERNEL.WASM CASES, which it prints as JSON. */
 import fs from "node:fs";
 import vm from "node:vm";
 
-const [, , script, worker, file, cases] = process.argv;
-globalThis.self = { addEventListener() {} };
-const text = [script, worker].map((one) => fs.readFileSync(one, "utf8")).join("");
-const { load, heights } = vm.runInThisContext(`${text};({ load: TASKS.load, heights: restingHeights })`);
-await load({ bytes: fs.readFileSync(file) });
-const found = JSON.parse(fs.readFileSync(cases, "utf8")).map((one) => Array.from(heights(one, one.angles)));
+const [, , script, file, cases] = process.argv;
+const Kernel = vm.runInThisContext(`${fs.readFileSync(script, "utf8")};Kernel`);
+const kernel = await Kernel.load(fs.readFileSync(file));
+const given = JSON.parse(fs.readFileSync(cases, "utf8"));
+const found = given.map(({ body, slope, x, angles }) => Array.from(kernel.heights(body, slope, x, angles)));
 console.log(JSON.stringify(found));

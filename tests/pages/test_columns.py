@@ -30,7 +30,7 @@ from tests.own_scenarios import own_scenario
 def given() -> tuple:  # type: ignore[type-arg]
     scenario = load_scenario(own_scenario("ice_drop"))
     context = scenario.sample(np.random.default_rng(0))
-    return scenario.body(), scenario.law(context), scenario.slope(context), scenario.launch(context)
+    return scenario.given(context)
 
 
 def descent(solver: Solver = "rigid") -> Descent:

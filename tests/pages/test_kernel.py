@@ -116,6 +116,7 @@ def _ride(seed: int, number: int) -> tuple[Body, ContactLaw, Slope, State, Setti
 def _numbers(descent: Descent) -> Iterator[Any]:
     """All numbers of a descent, in the order in which the runner writes them."""
     yield [descent.outcome[name] for name in descent.outcome.dtype.names]
+    yield descent.jam
     yield [len(descent.rebounds), len(descent.trajectory)]
     for table in (descent.rebounds, descent.trajectory, descent.contacts):
         yield from (table[name] for name in table.dtype.names if name != "contacts")
@@ -125,7 +126,7 @@ def _numbers(descent: Descent) -> Iterator[Any]:
 @pytest.mark.jit_only
 @pytest.mark.parametrize(("count", "seeds"), [(60, [1]), pytest.param(200, range(2, 27), marks=pytest.mark.slow)])
 def test_descents_in_node_have_the_bits_of_python(count: int, seeds: Sequence[int], tmp_path: Path) -> None:
-    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
+    """Oracle: ``simulate``, in all numbers of ledger, metrics, rebounds, trajectory; a fifth of them over profiles."""
     for seed in seeds:
         rng = np.random.default_rng(seed)
         cases = [_case(rng) if number % 5 else _ride(seed, number) for number in range(count)]
@@ -163,7 +164,7 @@ def _flown(number: int, rng: np.random.Generator) -> tuple[dict[str, Any], Desce
 @needs_node
 @pytest.mark.jit_only
 def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
-    """Oracle: ``Ride``, in every number of ledger, rebounds and trajectory."""
+    """Oracle: ``Ride``, in every number of ledger, metrics, rebounds and trajectory."""
     rng = np.random.default_rng(11)
     cases, descents = zip(*(_flown(number, rng) for number in range(40)), strict=True)
     found = in_node(json.dumps(cases).encode(), tmp_path)
@@ -177,7 +178,8 @@ def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
 IN_PAGE = """
   window.digests = async (cases) => Promise.all(cases.map(async (one) => {
     const found = kernel.descend(one);
-    const numbers = [...Object.values(found.outcome), found.rebounds.t.length, found.trajectory.t.length];
+    const numbers = [...Object.values(found.outcome), ...Object.values(found.jam)];
+    numbers.push(found.rebounds.t.length, found.trajectory.t.length);
     for (const table of [found.rebounds, found.trajectory, found.contacts])
       for (const column of Object.values(table)) for (const number of column) numbers.push(number);
     const words = new DataView(new ArrayBuffer(8 * numbers.length));
@@ -208,7 +210,7 @@ def kernel_page(chromium: Browser, tmp_path: Path) -> Browser:
 @pytest.mark.jit_only
 @pytest.mark.parametrize(("count", "seeds"), [(40, [101]), pytest.param(200, range(102, 127), marks=pytest.mark.slow)])
 def test_descents_in_chromium_have_the_bits_of_python(count: int, seeds: Sequence[int], kernel_page: Browser) -> None:
-    """Oracle: ``simulate``, in every number of ledger, rebounds and trajectory; a fifth of them over profiles."""
+    """Oracle: ``simulate``, in all numbers of ledger, metrics, rebounds, trajectory; a fifth of them over profiles."""
     for seed, part in itertools.product(seeds, range(count // 20)):
         rng = np.random.default_rng((seed, part))
         cases = [_case(rng) if number % 5 else _ride(seed, int(rng.integers(10**6))) for number in range(20)]

@@ -57,7 +57,7 @@ def written(folder: Path, page: str) -> Path:
 
 
 def in_python(scenario: Scenario, context: Context, solver: Any = "compliant") -> Descent:
-    given = scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context)
+    given = scenario.given(context)
     return simulate(*given, scenario.settings(solver), record="trajectory")
 
 
@@ -245,7 +245,7 @@ def test_what_is_typed_is_simulated(page: Browser) -> None:
 def test_zones_are_simulated_and_wrong_ones_named(page: Browser) -> None:
     """Oracle: ``simulate`` with the same zones."""
     scenario, context = drawn("sled_snow")
-    law, slope = scenario.law(context), scenario.slope(context)
+    body, law, slope, launch = scenario.given(context)
     (own,) = slope.zones
     page.click("[data-remove]")
     wait_until(page, "!asking && shown.scene.slope.zones.length === 0")
@@ -255,7 +255,6 @@ def test_zones_are_simulated_and_wrong_ones_named(page: Browser) -> None:
     zone = Zone(*map(float, given))
     assert zone.friction > law.friction
     assert zone.end == math.inf
-    body, launch = scenario.body(context), scenario.launch(context)
     zoned = Slope(slope.angle, slope.length, slope.gravity, [zone])
     assert_same(page, simulate(body, law, zoned, launch, scenario.settings(), record="trajectory"))
     assert run_lines(page) == told_result(page)
@@ -487,8 +486,8 @@ def test_a_map_has_the_rewards_of_python(chromium: Browser, tmp_path: Path, name
     contexts = np.tile(np.array(context), (orientation.size, 1))
     contexts[:, Context._fields.index("orientation")] = orientation.ravel()
     contexts[:, Context._fields.index("spin")] = spin.ravel()
-    given = scenario.body(context), scenario.law(context), scenario.slope(context)
-    batch = simulate_batch(*given, scenario.launches(contexts), scenario.settings())
+    given = scenario.given(context)[:3]
+    batch = simulate_batch(*given, scenario.scenes(contexts).launches, scenario.settings())
     np.testing.assert_array_equal(rewards_of(chromium).ravel(), batch.jam.reward)
     best = chromium.run("return map.best.launch")
     assert all(low <= value <= high for value, (low, high) in zip(best, scenario.control_bounds.values(), strict=False))

@@ -29,14 +29,16 @@ def drawn(name: str, seed: int) -> tuple[Scenario, Context]:
 
 def in_python(scenario: Scenario, context: Context, trims: Sequence[float]) -> Descent:
     """The ride of some trims, and of none behind them."""
-    task, contexts = Task(scenario, ride=True), np.array([context])
-    ride = task.ride(contexts, scenario.launch(context))
+    task = Task(scenario, ride=True)
+    scenes = task.scenes(np.array([context]))
+    ride = task.ride(scenes)
+    assert ride.state == scenario.given(context).launch
     ride.await_flight()
     for number in range(1000):
         if ride.status != "running":
             break
         trim = trims[number] if number < len(trims) else 0.0
-        (spin,) = task.spins(contexts, np.array([[trim]]), np.array([number])).tolist()
+        (spin,) = task.spins(scenes, np.array([[trim]]), np.array([number])).tolist()
         ride.trim(spin)
         ride.hop()
     return ride.descent()

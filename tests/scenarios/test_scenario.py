@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from sledenv.scenarios.configuration import read_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
-from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.bodies import Body, Segment, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
@@ -85,9 +85,8 @@ def test_what_is_no_name_of_a_scenario_is_named(name: Any) -> None:
 @pytest.mark.parametrize("context", [None, 3, "snow", (0.1, 0.2)], ids=str)
 def test_what_is_no_context_is_named(context: Any) -> None:
     scenario = load_scenario("sled_snow")
-    for use in (scenario.law, scenario.slope, scenario.launch):
-        with pytest.raises(TypeError, match=r"context = .*: must be a Context, or as many numbers: angle, friction"):
-            use(context)
+    with pytest.raises(TypeError, match=r"context = .*: must be a Context, or as many numbers: angle, friction"):
+        scenario.given(context)
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
@@ -393,7 +392,7 @@ def test_asymmetry_and_restitution_describe_the_same_law() -> None:
     scenario = Scenario.model_validate(content)
     context = scenario.sample(np.random.default_rng(0))
     assert context.restitution == pytest.approx(math.sqrt(1 / 3), rel=1e-15)
-    law = scenario.law(context)
+    law = scenario.given(context).law
     assert law == pytest.approx(ContactLaw(1e7, 0.5, context.friction, 0.005, 0.0), rel=1e-15)
 
 
@@ -401,7 +400,12 @@ def test_each_kind_of_body_is_built() -> None:
     """Oracle: the constructors of the simulator."""
 
     def body(**section: Any) -> Body:
-        return Scenario.model_validate(changed(body=section)).body()
+        scenario = Scenario.model_validate(changed(body=section))
+        (built,) = scenario.all_bodies()
+        given = scenario.given(scenario.sample(np.random.default_rng(0))).body
+        assert given == built
+        assert given.record.tobytes() == scenario.outlines.tobytes()
+        return given
 
     disc = {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2}
     assert body(kind="disc", **disc) == segment(2, 0.5, 0.1, 0.2)
@@ -460,13 +464,17 @@ def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], messa
 @pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
 @pytest.mark.parametrize("orientation", [0.0, 0.7, -2.0, 3.1, 8.0, -40.0])
 def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: float, orientation: float) -> None:
-    """Oracle: the smallest height of 40 000 points of the outline, drawn around the launched mass centre."""
+    """Oracle: the smallest height of 40 000 points of the outline, drawn around the launched mass centre.
+
+    Whole turns are taken off an orientation.
+    """
     scenario = Scenario.model_validate(changed(body=SEGMENT | {"half_angle_deg": half_angle_deg}))
     context = scenario.sample(np.random.default_rng(1))
-    state = scenario.launch(context, orientation, 3.0)
-    assert state == State(0.0, state.y, orientation, context.speed, -context.fall, 3.0)
-    shape = scenario.body()
-    around = state.phi + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
+    shape, _, _, state = scenario.given(context, orientation, 3.0)
+    assert isinstance(shape, Segment)
+    turned = math.remainder(orientation, math.tau)
+    assert state == State(0.0, state.y, turned, context.speed, -context.fall, 3.0)
+    around = orientation + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
     outline = state.y + shape.eccentricity * math.cos(state.phi) - shape.radius * np.cos(around)
     assert outline.min() == pytest.approx(context.drop, abs=1e-8)
 
@@ -483,20 +491,21 @@ def test_a_polygon_survives_dumping_and_counts_in_the_hash(tmp_path: Path) -> No
     corners = np.array(POLYGON["points_m"]) - [0.17619047619, 0.14285714286]  # the centroid
     for phi in (0.0, 2.0):
         low = (corners[:, 0] * math.sin(phi) + corners[:, 1] * math.cos(phi)).min()
-        assert one.launch(context, phi).y == pytest.approx(context.drop - low)
+        assert one.given(context, phi).launch.y == pytest.approx(context.drop - low)
 
 
 def test_a_launch_takes_the_disturbance_unless_the_agent_chooses(scenario: Scenario) -> None:
     """Oracle: the fields of the context."""
     context = scenario.sample(np.random.default_rng(2))
-    disturbed, chosen = scenario.launch(context), scenario.launch(context, orientation=0.0, spin=0.0)
+    disturbed = scenario.given(context).launch
+    chosen = scenario.given(context, orientation=0.0, spin=0.0).launch
     assert (disturbed.phi, disturbed.omega) == (context.orientation, context.spin)
     assert (chosen.phi, chosen.omega) == (0.0, 0.0)
-    assert scenario.launch(context, speed=4.5) == disturbed._replace(u=4.5)
+    assert scenario.given(context, speed=4.5).launch == disturbed._replace(u=4.5)
     with pytest.raises(ValueError, match=r"State\.phi = nan"):
-        scenario.launch(context, orientation=math.nan)
+        scenario.given(context, orientation=math.nan)
     with pytest.raises(ValueError, match=r"State\.u = inf"):
-        scenario.launch(context, speed=math.inf)
+        scenario.given(context, speed=math.inf)
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -508,12 +517,7 @@ def test_every_shipped_scenario_is_valid_and_launches(name: str) -> None:
     assert scenario.sources
     low, high = (Context(*bound.tolist()) for bound in scenario.ranges)
     for context in (low, high, scenario.sample(np.random.default_rng(0))):
-        body, law, slope, state = (
-            scenario.body(context),
-            scenario.law(context),
-            scenario.slope(context),
-            scenario.launch(context),
-        )
+        body, law, slope, state = scenario.given(context)
         assert isinstance(body, Body)
         assert law.restitution == pytest.approx(context.restitution, rel=1e-15)
         assert slope[:3] == (context.angle, scenario.slope_section.length_m, scenario.slope_section.gravity_m_s2)
@@ -524,11 +528,11 @@ def test_every_shipped_scenario_is_valid_and_launches(name: str) -> None:
 def test_the_papers_impact_starts_where_the_paper_says() -> None:
     """Oracle: the paper's worked example, T(0) = 50 J."""
     scenario = load_scenario("paper_impact")
-    context = scenario.sample(np.random.default_rng(0))
-    assert scenario.body() == segment(1, 0.1, 0.05, 7.5e-3)
-    assert scenario.law(context) == pytest.approx(ContactLaw(9.81e3, 0.5, 0.1, 0.001), rel=1e-15)
-    assert scenario.slope(context) == Slope(0, 1, 0)
-    assert scenario.launch(context) == State(0, 0.07, math.pi / 4, 0, -10, 0)
+    body, law, slope, launch = scenario.given(scenario.sample(np.random.default_rng(0)))
+    assert body == segment(1, 0.1, 0.05, 7.5e-3)
+    assert law == pytest.approx(ContactLaw(9.81e3, 0.5, 0.1, 0.001), rel=1e-15)
+    assert slope == Slope(0, 1, 0)
+    assert launch == State(0, 0.07, math.pi / 4, 0, -10, 0)
 
 
 def test_the_shipped_names_are_those_of_the_folder() -> None:
@@ -546,7 +550,7 @@ def test_a_zone_may_have_its_own_restitution_and_stiffness() -> None:
     assert one.hash != plain.hash
     for scenario, own in ((one, (0.2, 1e5)), (plain, (None, None))):
         context = scenario.sample(np.random.default_rng(1))
-        (found,) = scenario.slope(context).zones
+        (found,) = scenario.given(context).slope.zones
         assert (found.restitution, found.stiffness) == own
     wrong = "\n".join(problems(changed() | {"zones": [zone | {"restitution": 0, "stiffness_n_m": -1}]}))
     assert "zones.0.restitution = 0: must be a number in (0, 1]" in wrong
@@ -569,14 +573,11 @@ def test_contexts_of_a_frame_are_taken_by_name() -> None:
     contexts = scenario.contexts(np.random.default_rng(0).random((4, scenario.draws)))
     frame = pd.DataFrame(contexts, columns=Context._fields).iloc[:, ::-1]
     for one in (frame, frame.to_numpy()[:, ::-1], [Context(*row) for row in contexts.tolist()]):
-        assert scenario.laws(one).tobytes() == scenario.laws(contexts).tobytes()
-        assert scenario.launches(one).tobytes() == scenario.launches(contexts).tobytes()
-        rows, profiles = scenario.slopes(one)
-        assert rows.tobytes() == scenario.slopes(contexts).rows.tobytes()
-        assert profiles == scenario.profiles(contexts) == scenario.profiles(one)
-        assert scenario.vertices(one).tobytes() == scenario.vertices(contexts).tobytes()
-        assert scenario.shapes(one).tolist() == [0] * 4
-    assert len(scenario.laws(frame.iloc[0])) == 1
+        found, expected = scenario.scenes(one), scenario.scenes(contexts)
+        for name in ("rows", "bodies", "pieces", "zones", "drawn"):
+            assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
+        assert found.body.tolist() == [0] * 4
+    assert len(scenario.scenes(frame.iloc[0]).rows) == 1
 
 
 @pytest.mark.parametrize(
@@ -590,6 +591,5 @@ def test_contexts_of_a_frame_are_taken_by_name() -> None:
 )
 def test_what_is_no_table_of_contexts_is_refused_by_name(contexts: Any, error: type[Exception], message: str) -> None:
     scenario = load_scenario("sled_rollers")
-    for method in (scenario.laws, scenario.slopes, scenario.launches, scenario.shapes, scenario.vertices):
-        with pytest.raises(error, match=message):
-            method(contexts)
+    with pytest.raises(error, match=message):
+        scenario.scenes(contexts)

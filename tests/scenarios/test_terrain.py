@@ -94,7 +94,7 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
     text = "x_m,z_m\n-10,12\n10,8\n20,8.5\n"
     scenario = ground(text, slope__angle_deg=0, slope__length_m=DELETE)
     assert scenario.slope_section.profile_m == ((-10.0, 2.0), (10.0, -2.0), (20.0, -1.5))
-    assert scenario.launches(scenario.contexts(np.full((1, 11), 0.5)))[0, 0] == 0.0
+    assert scenario.draw(np.full((1, 11), 0.5)).launches[0, 0] == 0.0
     assert "slope.angle_deg = [6, 12]: must be one number with a section of terrain, the plane over which" in refusal(
         ground, text, slope__angle_deg=[6, 12]
     )
@@ -187,7 +187,7 @@ def test_a_surveyed_ground_becomes_pieces_and_arcs_within_its_tolerance(ground: 
     y = 0.5 * np.sin(x / 4.0)
     text = "x_m,y_m\n" + "\n".join(f"{a!r},{b!r}" for a, b in zip(x.tolist(), y.tolist(), strict=True))
     scenario = ground(text, slope__tolerance_m=0.005, slope__length_m=47.5)
-    slope = scenario.slope(scenario.sample(np.random.default_rng(0)))
+    slope = scenario.given(scenario.sample(np.random.default_rng(0))).slope
     assert len(slope.profile) < 60
     assert np.abs(slope.height_at(x) - y).max() <= 0.005
     assert np.median(slope.rounding) > 20.0  # the smallest of the hill is 32 m
@@ -221,7 +221,7 @@ def test_materials_of_a_file_are_zones(ground: Any) -> None:
     scenario = ground(ROCKY, zones=zones)
     found = [(zone.begin_m[0], zone.end_m, zone.friction[0], zone.restitution) for zone in scenario.zones]
     assert found == [(-1, 2, 0.5, 0.3), (3, 4, 0.8, None), (4, 5, 0.5, 0.3)]
-    assert len(scenario.slope(scenario.sample(np.random.default_rng(0))).zones) == 3
+    assert len(scenario.given(scenario.sample(np.random.default_rng(0))).slope.zones) == 3
     last = "x_m,y_m,material\n0,0.1,rock\n1,0,\n7,0,grass\n8,0,rock\n11,0.1,rock\n"
     found = [(zone.begin_m[0], zone.end_m) for zone in ground(last, slope__length_m=12, zones=zones).zones]
     assert found == [(0, 1), (7, 8), (8, None)]

@@ -14,7 +14,8 @@ from hypothesis import strategies as st
 
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.scenarios.tracks import TRACKS
-from sledenv.simulation.scene import Slope, Zone, checked_profile
+from sledenv.simulation.bodies import Segment
+from sledenv.simulation.scene import Profile, Slope, Zone, checked_profile
 from tests.scenarios.test_scenario import DELETE, POLYGON, changed, problems
 
 BUMPS = {"height_m": [0.4, 0.9], "face_m": [2.5, 4], "top_m": [0.2, 1.5], "gap_m": [2, 8]}
@@ -30,6 +31,11 @@ def drawn(scenario: Scenario, count: int = 40, seed: int = 0) -> np.ndarray:
     return scenario.contexts(np.random.default_rng(seed).random((count, scenario.draws)))
 
 
+def profiles(scenario: Scenario, contexts: np.ndarray) -> list[Profile]:
+    """The vertices of the ground of each context, with their radii."""
+    return [tuple(ground[["x", "y", "radius"]].tolist()) for ground in scenario.scenes(contexts).grounds()]
+
+
 # Vertices.
 
 
@@ -37,12 +43,13 @@ def test_a_profile_is_that_of_every_slope() -> None:
     """Oracle: the simulator's own slope; vertices without a turn are left out of it, but count in the hash."""
     scenario = Scenario.model_validate(changed(slope__profile_m=ROOF))
     context = scenario.sample(np.random.default_rng(0))
-    assert scenario.slope(context) == Slope(context.angle, 10.0, 9.81, (), ROOF)
-    assert scenario.vertices(drawn(scenario)).tolist() == [[[*vertex, 0.0] for vertex in ROOF]]
+    assert scenario.given(context).slope == Slope(context.angle, 10.0, 9.81, (), ROOF)
+    assert profiles(scenario, drawn(scenario)) == 40 * [tuple((*vertex, 0.0) for vertex in ROOF)]
+    assert len(scenario.scenes(drawn(scenario)).pieces) == len(ROOF) + 1  # which all share
     assert scenario.draws == 11
     assert pickle.loads(pickle.dumps(scenario)) == Scenario.model_validate(scenario.model_dump()) == scenario
     cut = Scenario.model_validate(changed(slope__profile_m=[[0, 0], [0.5, 0.05], [1, 0.1], [2, 0]]))
-    assert cut.slope(context) == scenario.slope(context)
+    assert cut.given(context).slope == scenario.given(context).slope
     plain = Scenario.model_validate(changed())
     assert len({cut.hash, scenario.hash, plain.hash}) == 3
     assert Scenario.model_validate(changed(slope__profile_m=None, slope__bumps=None)).hash == plain.hash
@@ -53,8 +60,10 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
     scenario = Scenario.model_validate(changed(slope__profile_m=[[-1, 0], [0, 0.5], [0.4, 0.1], [1, 0.8], [2, 0.8]]))
     contexts = drawn(scenario)
     around = np.linspace(0.0, 2.0 * math.pi, 40_001)
-    for context, launch in zip(contexts, scenario.launches(contexts), strict=True):
-        disc, slope = scenario.body(), scenario.slope(Context(*context))
+    for context, launch in zip(contexts, scenario.scenes(contexts).launches, strict=True):
+        disc, _, slope, alone = scenario.given(Context(*context))
+        assert launch.tolist() == list(alone)
+        assert isinstance(disc, Segment)
         x = -disc.eccentricity * math.sin(launch[2]) + 0.5 * np.cos(around)
         y = launch[1] + disc.eccentricity * math.cos(launch[2]) + 0.5 * np.sin(around)
         assert (y - slope.height_at(x)).min() == pytest.approx(context[4], abs=1e-4)
@@ -116,22 +125,25 @@ def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
 
 
 def test_ground_may_be_rounded() -> None:
-    """Oracle: the simulator's own slope; a radius of 0 is none, and is not told in the hash."""
+    """Oracle: the simulator's own slope; a radius of 0 is none, and is not told in the hash.
+
+    One that there is no room for is told as it is asked for.
+    """
     scenario = Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=[0, 0.5, 0]))
     context = scenario.sample(np.random.default_rng(0))
-    assert scenario.slope(context) == Slope(context.angle, 10.0, 9.81, (), ROOF, (0.0, 0.5, 0.0))
-    sharp = Scenario.model_validate(changed(slope__profile_m=ROOF))
-    assert Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=0)).hash == sharp.hash
-    assert scenario.hash != sharp.hash
+    assert scenario.given(context).slope == Slope(context.angle, 10.0, 9.81, (), ROOF, (0.0, 0.5, 0.0))
+    plain = Scenario.model_validate(changed(slope__profile_m=ROOF))
+    assert Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=0)).hash == plain.hash
+    assert scenario.hash != plain.hash
+    large = Scenario.model_validate(changed(slope__profile_m=ROOF, slope__rounding_m=[5, 50, 0]))
+    assert large.given(context).slope == Slope(context.angle, 10.0, 9.81, (), ROOF, (5.0, 50.0, 0.0))
+    wide = bumpy(rounding_m=30)
+    assert set(wide.given(wide.sample(np.random.default_rng(0))).slope.rounding) == {30.0}
     bumps = bumpy(rounding_m=0.3)
     assert bumpy(rounding_m=0).hash == bumpy().hash != bumps.hash
     contexts = drawn(bumps, 5)
-    slopes = bumps.slopes(contexts)
-    for lane, context in enumerate(contexts):
-        own = bumps.vertices(contexts)[lane]
-        expected = own[np.isfinite(own[:, 0])]
-        assert (expected[:, 2] == 0.3).all()
-        assert slopes.profiles[lane] == bumps.slope(Context(*context)).ground == tuple(map(tuple, expected.tolist()))
+    for profile, sharp, context in zip(profiles(bumps, contexts), profiles(bumpy(), contexts), contexts, strict=True):
+        assert profile == bumps.given(Context(*context)).slope.ground == tuple((x, y, 0.3) for x, y, _ in sharp)
 
 
 @pytest.mark.parametrize(
@@ -165,7 +177,7 @@ def test_a_zone_may_be_given_by_pieces() -> None:
     scenario = Scenario.model_validate(content)
     context = scenario.sample(np.random.default_rng(0))
     assert (context.zone_begin, 0.1 < context.zone_friction < 0.2) == (-1.0, True)
-    first, second = scenario.slope(context).zones
+    first, second = scenario.given(context).slope.zones
     assert first == Zone(-1, 1, context.zone_friction, 0.005)
     assert second == Zone(1, 3, 0.5, 0.005)
     assert Scenario.model_validate(scenario.model_dump()) == scenario
@@ -218,7 +230,7 @@ def test_bumps_are_valid_profiles_inside_their_ranges(keys: dict[str, Any], more
     scenario = Scenario.model_validate(changed(slope__length_m=length, slope__bumps=keys))
     contexts = drawn(scenario, len(tracks))
     contexts[:, -1] = tracks
-    for profile, again in zip(scenario.profiles(contexts), scenario.profiles(contexts[::-1])[::-1], strict=True):
+    for profile, again in zip(profiles(scenario, contexts), profiles(scenario, contexts[::-1])[::-1], strict=True):
         assert profile == again
         assert checked_profile([vertex[:2] for vertex in profile]) == profile
         corners = [y == 0.0 for _, y, _ in profile]
@@ -241,7 +253,7 @@ def test_the_faces_of_a_bump_are_as_long_as_each_other_unless_it_has_a_back() ->
     """Oracle: the differences of the vertices."""
     for keys, same in (({}, True), ({"back_m": [2.5, 4]}, False)):
         scenario = bumpy(**keys)
-        x = scenario.vertices(drawn(scenario))[:, :4, 0]
+        x = np.array([ground["x"][:4] for ground in scenario.scenes(drawn(scenario)).grounds()])
         equal = np.isclose(x[:, 1] - x[:, 0], x[:, 3] - x[:, 2])
         assert equal.all() == equal.any() == same
 
@@ -266,16 +278,15 @@ def test_a_track_is_drawn_alike_on_every_machine() -> None:
             break
         vertices += zip(places, (0.0, height, height, 0.0), strict=True)
     context = scenario.sample(np.random.default_rng(0))._replace(track=float(track))
-    assert scenario.slope(context).profile == tuple(vertices)
-    assert scenario.slope(context).profile[1] == (12.047977060548822, 0.6394332391876765)
+    assert scenario.given(context).slope.profile == tuple(vertices)
+    assert scenario.given(context).slope.profile[1] == (12.047977060548822, 0.6394332391876765)
 
 
 def test_neighbouring_numbers_draw_tracks_that_are_nothing_alike() -> None:
     """Oracle: no correlation of the first gap and height over neighbours, and means in the middle of the ranges."""
     contexts = np.zeros((4000, 12))
     contexts[:, -1] = np.arange(4000)
-    vertices = bumpy().vertices(contexts)
-    first = np.column_stack([vertices[:, 0, 0] - SIZE, vertices[:, 1, 1]])
+    first = np.array([(begin[0] - SIZE, top[1]) for begin, top, *_ in profiles(bumpy(), contexts)])
     np.testing.assert_allclose(first.mean(axis=0), [5.0, 0.65], rtol=0.03)
     for column in first.T:
         assert abs(np.corrcoef(column[1:], column[:-1])[0, 1]) < 6 / math.sqrt(4000)
@@ -290,13 +301,13 @@ def test_a_context_draws_and_tells_the_number_of_its_track() -> None:
     assert rng.random() == twin.random()
     numbers = [set(drawn_in(scenario, split)) for split in ("train", "validation", "test")]
     assert not numbers[0] & numbers[1] | numbers[0] & numbers[2] | numbers[1] & numbers[2]
-    assert scenario.slope(Context(*context)) == scenario.slope(context)
-    assert scenario.slope(context._replace(track=1.0)) != scenario.slope(context)
+    assert scenario.given(Context(*context)).slope == scenario.given(context).slope
+    assert scenario.given(context._replace(track=1.0)).slope != scenario.given(context).slope
     assert (scenario.contexts(np.full((2, 11), 0.5))[:, -1] == 0.0).all()
     with pytest.raises(ValueError, match=r"track = 0\.5: must be a whole number in \[0, 4294967296\)"):
-        scenario.slope(context._replace(track=0.5))
+        scenario.given(context._replace(track=0.5))
     with pytest.raises(ValueError, match=r"track = -1\.0: must be a whole number"):
-        scenario.vertices(np.array([context._replace(track=-1.0)]))
+        scenario.scenes(np.array([context._replace(track=-1.0)]))
 
 
 def drawn_in(scenario: Scenario, split: Any) -> list[float]:

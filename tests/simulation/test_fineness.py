@@ -13,9 +13,11 @@ from scipy.optimize import brentq
 
 import sledenv
 from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, simulate, simulate_batch
+from sledenv.kernel.params import SCENE
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.fineness import IN_A_ROW, TooFine, too_fine
-from sledenv.simulation.scene import Tracks
+from sledenv.simulation.grounds import Grounds
+from sledenv.simulation.scenes import NO_ZONES, Scenes
 from sledenv.simulation.smoothing import fit_ground
 from tests.rough_grounds import hull_of_three, rock
 
@@ -160,8 +162,13 @@ def test_many_lanes_are_looked_at_as_each_alone() -> None:
     slopes = [Slope(0.0, profile=each) for each in profiles]
 
     def looked(those: Sequence[Body], laws: Sequence[ContactLaw], slopes: Sequence[Slope]) -> TooFine | None:
-        records, rows = np.concatenate([body.record for body in those]), np.array([slope.row for slope in slopes])
-        return too_fine(records, np.array(laws), rows, Tracks.of([slope.ground for slope in slopes]))
+        """Scenes without a check, as checks would warn."""
+        ground = Grounds.of([slope.vertices for slope in slopes], range(len(slopes)))
+        rows = np.zeros(max(len(those), len(laws), len(slopes)), SCENE)
+        rows["body"], rows["gravity"] = np.arange(len(those)), G
+        rows["ground"], rows["ground_end"] = ground.places.T
+        rows["stiffness"] = [law.stiffness for law in laws]
+        return too_fine(Scenes(rows, np.concatenate([body.record for body in those]), ground.pieces, NO_ZONES))
 
     alone = [[obvious(body, law, profile) for profile in profiles] for body, law in zip(bodies, laws, strict=True)]
     assert 10 < np.sum(alone) < 130
@@ -191,10 +198,7 @@ def test_shipped_scenarios_are_not_too_fine(name: str) -> None:
     """Oracle: warnings are errors; their bumps have few vertices."""
     scenario = load_scenario(name)
     contexts = scenario.contexts(np.random.default_rng(0).random((50, scenario.draws)))
-    table = scenario.slopes(contexts)
-    bodies = scenario.bodies(contexts)
-    records = bodies.record if isinstance(bodies, Body) else bodies
-    assert too_fine(records, scenario.laws(contexts), table.rows, Tracks.of(table.profiles)) is None
+    assert too_fine(scenario.scenes(contexts)) is None
 
 
 def test_a_fitted_ground_is_not_too_fine() -> None:

@@ -72,7 +72,7 @@ class Noted:
 def counted(monkeypatch: pytest.MonkeyPatch, most: float = math.inf) -> list[tuple[int, int]]:
     """Note steps and rows that a descent has come to after each call of the kernel; interrupt so many calls."""
     calls: list[tuple[int, int]] = []
-    monkeypatch.setattr(lanes_module, "run_lanes", Noted(lanes_module.run_lanes, 9, calls, most))
+    monkeypatch.setattr(lanes_module, "run_lanes", Noted(lanes_module.run_lanes, 7, calls, most))
     return calls
 
 

@@ -175,6 +175,17 @@ def test_each_lane_may_have_its_own_length() -> None:
         assert float(single.reward) == together.reward[i]
 
 
+def test_tables_of_any_shape_are_judged_alike() -> None:
+    """Oracle: one at a time; lanes in rows and columns, of which some are left out, and a mass in whole numbers."""
+    rows = outcomes(u=np.linspace(-1.0, 6.0, 24), supplied=40.0).reshape(4, 6)[:, ::2]
+    mass, length = np.array([[1], [2], [3], [4]]), np.array([5.0, 10.0, 20.0])
+    jam = descent_jam(rows, mass, length)
+    for i, j in np.ndindex(4, 3):
+        single = descent_jam(rows[i, j], float(mass[i, 0]), length[j])
+        assert [field[i, j] for field in jam] == list(single)
+    assert [field.shape for field in descent_jam(rows[:0, 0], 2.0, length[:1])] == [(0,)] * len(jam)
+
+
 @pytest.mark.parametrize("supplied", [0.0, 1e-300])
 def test_a_descent_without_supplied_energy_is_not_divided_by_it(supplied: float) -> None:
     """Oracle: the range [0, 1]."""

@@ -29,10 +29,12 @@ from sledenv import (
     simulate_batch,
     simulate_blocks,
 )
+from sledenv.kernel.params import SCENE
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.machine.workers import runner
 from sledenv.simulation import lanes
-from sledenv.simulation.scene import Tracks, laid
+from sledenv.simulation.grounds import plane
+from sledenv.simulation.scenes import NO_ZONES, Scenes
 from tests.bodies import same_bits
 
 LANES = 300
@@ -96,6 +98,11 @@ def test_whoever_calls_gets_the_same_bits(caller: str, threads: int, alone: np.n
     same_bits(descended(), alone)
     for found in CALLERS[caller]():
         same_bits(found, alone)
+
+
+def blank_scenes(count: int) -> Scenes:
+    """Scenes that nobody follows."""
+    return Scenes(np.zeros(count, SCENE), BODY.record, plane(), NO_ZONES)
 
 
 def follow_each(patch: pytest.MonkeyPatch, run: Callable[[int, int], None]) -> None:
@@ -165,8 +172,8 @@ def test_an_interrupt_of_this_thread_ends_the_others_in_the_middle_of_a_block() 
     with pytest.raises(KeyboardInterrupt):
         lanes._share(work, 2, deque(), ended)
     flights = np.zeros(4, OUTCOME)
-    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), *laid(Tracks.of(())))
-    lanes.follower(tables, lanes.ALL_HOPS, flights, lanes.NO_LOGS, ended=ended)(0, 4)
+    given = False, Settings().limits, blank_scenes(4)
+    lanes.follower(*given, lanes.ALL_HOPS, flights, lanes.NO_LOGS, ended=ended)(0, 4)
     assert not flights["status"].any()  # all still running
 
 
@@ -175,8 +182,8 @@ def test_every_lane_is_followed_once(count: int, threads: int, monkeypatch: pyte
     """Oracle: the lanes in order, for numbers of them around the limits of a block and of a thread."""
     taken: list[int] = []
     follow_each(monkeypatch, lambda start, end: taken.extend(range(start, end)))
-    tables = lanes.Tables(0, Settings().limits, BODY.record, *np.zeros((3, 1, 6)), *laid(Tracks.of(())))
-    lanes.follow_all(tables, lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
+    given = False, Settings().limits, blank_scenes(count)
+    lanes.follow_all(*given, lanes.ALL_HOPS, np.zeros(count, OUTCOME), lanes.NO_LOGS)
     assert sorted(taken) == list(range(count))
 
 

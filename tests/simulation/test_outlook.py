@@ -15,10 +15,12 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.sb3 import make_vec_env
 from sledenv.envs.task import GROUPS, USUAL, Task
 from sledenv.envs.vector import SledDescentVector
-from sledenv.scenarios.tracks import profiles_of
-from sledenv.simulation.outlook import AHEAD, BEHIND, LANDING, PLACES, ground_of, look_out
+from sledenv.kernel.params import SCENE
+from sledenv.simulation.grounds import Grounds
+from sledenv.simulation.outlook import AHEAD, BEHIND, LANDING, PLACES, look_out
 from sledenv.simulation.records import OUTCOME
 from sledenv.simulation.scene import Slope
+from sledenv.simulation.scenes import NO_ZONES, Scenes
 
 Profile = list[tuple[float, float]]
 
@@ -31,6 +33,15 @@ def slowly_around(profile: Profile, x: float) -> tuple[list[list[float]], list[b
     slots = [None] * (BEHIND - len(behind)) + behind + ahead + [None] * (AHEAD - len(ahead))
     relative = [[0.0, 0.0] if one is None else [one[0] - x, one[1] - ground] for one in slots]
     return relative, [one is not None for one in slots]
+
+
+def scenes_on(ground: Grounds, lanes: int, slope: Slope | None = None, lying: float = 0.1) -> Scenes:
+    """Scenes of lanes on some ground, whose body is a disc with a radius."""
+    rows = np.zeros(lanes, SCENE)
+    rows["ground"], rows["ground_end"] = ground.places.T
+    if slope is not None:
+        rows["angle"], rows["length"], rows["gravity"] = slope[:3]
+    return Scenes(rows, sledenv.disc(1.0, lying).record, ground.pieces, NO_ZONES)
 
 
 def at(places: np.ndarray) -> np.ndarray:
@@ -55,17 +66,23 @@ def test_vertices_around_places_are_those_that_a_slow_search_finds(
     vertices = np.full((len(profiles), max(map(len, profiles)), 3), np.inf)
     for row, profile in zip(vertices, profiles, strict=True):
         row[: len(profile)] = np.array([(*vertex, 0.0) for vertex in profile]).reshape(-1, 3)
-    assert profiles_of(vertices) == [tuple((*vertex, 0.0) for vertex in profile) for profile in profiles]
     places = rng.uniform(-2.0, 25.0, len(counts))
     if exact and vertices.shape[1]:
         found = vertices[0 if one else np.arange(len(counts)), rng.integers(vertices.shape[1], size=len(counts)), 0]
         places = np.where(np.isfinite(found), found, places)
-    seen = look_out(ground_of(vertices), at(places))
-    assert seen.landings.shape[0] == 0
-    for i, place in enumerate(places.tolist()):
-        expected, mask = slowly_around(profiles[0 if one else i], place)
-        np.testing.assert_allclose(seen.around[i, :, :2], expected, rtol=0.0, atol=1e-12)
-        assert seen.around[i, :, 2].tolist() == mask
+    laid = Grounds.of([row[np.isfinite(row[:, 0])] for row in vertices])
+    for ground in (Grounds.drawn(vertices), laid):
+        scenes = scenes_on(ground, len(counts))
+        told = [[(*vertex, 0.0) for vertex in profile] for profile in profiles]
+        laid_out = [list(zip(each["x"], each["y"], each["radius"], strict=True)) for each in scenes.grounds()]
+        assert laid_out == [told[0 if one else i] for i in range(len(counts))]
+        seen = look_out(scenes, at(places), ahead=False)
+        assert seen.landings.shape[0] == 0
+        for i, place in enumerate(places.tolist()):
+            expected, mask = slowly_around(profiles[0 if one else i], place)
+            np.testing.assert_allclose(seen.around[i, :, :2], expected, rtol=0.0, atol=1e-12)
+            assert not seen.around[i, :, 2].any()
+            assert seen.around[i, :, 3].tolist() == mask
 
 
 # Landings.
@@ -91,15 +108,14 @@ def test_a_landing_is_where_a_march_along_the_parabola_meets_the_ground(rounding
     rng, lying = np.random.default_rng(5), 0.12
     profile = [(1.0, 0.0), (4.0, 0.5), (4.6, 0.5), (7.0, 0.0), (9.0, 0.1), (12.0, 0.6), (15.0, 0.0)]
     slope = Slope(0.08, 40.0, profile=profile, rounding=rounding)
+    scenes = scenes_on(Grounds.of([slope.vertices]), 1, slope, lying)
     for _ in range(40):
         flights = np.zeros(1, OUTCOME)
         flights["x"], flights["phi"] = rng.uniform(0.0, 5.0), rng.uniform(-9.0, 9.0)
         flights["y"] = slope.height_at(flights["x"]) + lying + rng.uniform(0.02, 0.6)
         flights["u"], flights["v"], flights["omega"] = rng.uniform(2.0, 9.0), rng.uniform(0.0, 2.0), rng.normal()
         flights["trim"] = 0.3
-        seen = look_out(
-            ground_of(slope.vertices[np.newaxis]), flights, np.array([0.08]), slope.gravity, np.array([lying])
-        )
+        seen = look_out(scenes, flights)
         found = dict(zip(LANDING, seen.landings[0, : len(LANDING)].tolist(), strict=True))
         time, x = slow_landing(slope, flights[0], lying)
         if abs(found["time"] - time) > 0.021:  # a skim between two looks
@@ -130,8 +146,7 @@ def test_nothing_is_told_of_ground_behind_the_eighth_vertex() -> None:
     other[8:, 1] += 0.5
     flights = np.zeros(1, OUTCOME)
     flights["x"], flights["y"], flights["u"], flights["v"] = 0.5, 1.5, 9.0, 4.0
-    asked = flights, np.array([0.1]), 9.81, np.array([0.1])
-    first, second = (look_out(ground_of(rows[np.newaxis]), *asked) for rows in (one, other))
+    first, second = (look_out(scenes_on(Grounds.of([rows]), 1, Slope(0.1)), flights) for rows in (one, other))
     assert first.landings.tobytes() == second.landings.tobytes()
     assert first.around.tobytes() == second.around.tobytes()
 
@@ -171,8 +186,10 @@ def test_a_launch_has_no_landing_and_what_is_not_told_cannot_be_read() -> None:
         gym.make(LAUNCH_ID, columns=("landing",))
     task = Task("sled_rollers", ride=True, columns=("context", "landing"))
     assert Task("sled_rollers", ride=True).groups == USUAL
-    with pytest.raises(ValueError, match="must have 'state'"):
-        task.flights_seen(np.zeros((1, len(task.observation_names)), np.float32))
+    assert "u" not in task.columns.values(np.zeros((1, len(task.observation_names)), np.float32))
+    task = Task("sled_rollers", ride=True, columns=("state", "landing"))
+    with pytest.raises(ValueError, match="must have 'context'"):
+        task.contexts_seen(np.zeros((1, len(task.observation_names)), np.float32))
 
 
 def test_a_policy_is_evaluated_with_the_columns_it_sees() -> None:

@@ -11,9 +11,11 @@ import pytest
 from sledenv.kernel.params import ZONE_FIELDS
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.bodies import segment
-from sledenv.simulation.checks import Slopes, checked_descent, checked_lanes
+from sledenv.simulation.checks import Slopes, checked_descent, checked_scenes
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.ride import RideBatch
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Tracks, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -27,21 +29,26 @@ HILL = Slope(0.1, 20.0, profile=[(2.0, 0.0), (3.0, 0.5), (5.0, 0.0)])
 LAUNCH = State(0.0, 3.0, 0.0)
 
 
+def vertices_in(scenes: Scenes) -> list[list[tuple[float, float, float]]]:
+    """Vertices of the ground of each lane."""
+    return [list(zip(each["x"], each["y"], each["radius"], strict=True)) for each in scenes.grounds()]
+
+
 def test_what_is_checked_has_the_vertices() -> None:
-    """Oracle: those of the slope; an array of shape (0, 3) on a plane."""
-    np.testing.assert_array_equal(
-        checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).lanes.tracks.vertices[0], HILL.ground
-    )
-    assert checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).lanes.tracks.vertices[0].shape == (0, 3)
-    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), [HILL.ground])]
+    """Oracle: those of the slope; none on a plane."""
+    assert vertices_in(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).scenes) == [list(HILL.ground)]
+    assert vertices_in(checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).scenes) == [[]]
+    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), HILL.ground)]
     for slopes in ways:
-        lanes = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
-        np.testing.assert_array_equal(lanes.tracks.vertices[0], HILL.ground)
-        assert lanes.tracks.numbers.tolist() == [0]
-        assert lanes.slopes.shape[1] == 3
+        scenes = checked_scenes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
+        assert vertices_in(scenes) == [list(HILL.ground)] * 2
+        assert len(scenes.pieces) == len(HILL.ground) + 1  # which both lanes share
+        assert len(scenes.zones) == 0
     mixed: Any = [Slope(0.1), (0.2, 5.0, 9.81)]
     for plane in (Slope(0.1), mixed, np.array([[0.1, 5.0, 9.81]] * 2)):
-        assert checked_lanes(DISC, LAW, plane, [LAUNCH] * 2, Settings()).tracks.vertices[0].shape == (0, 3)
+        scenes = checked_scenes(DISC, LAW, plane, [LAUNCH] * 2, Settings())
+        assert vertices_in(scenes) == [[], []]
+        assert scenes.is_plane
 
 
 def test_a_profile_needs_compliant_surfaces() -> None:
@@ -56,20 +63,15 @@ def test_a_sharp_corner_is_refused_on_crests_alone(body: Any) -> None:
     with pytest.raises(ValueError, match=r"^body has a sharp corner: .*polygon\(\.\.\., rounding=\.\.\.\)"):
         checked_descent(body, LAW, HILL, LAUNCH, Settings())
     with pytest.raises(ValueError, match=r"^body\[1\] has a sharp corner"):
-        checked_lanes([ROUND, body], LAW, HILL, [LAUNCH] * 2, Settings())
+        checked_scenes([ROUND, body], LAW, HILL, [LAUNCH] * 2, Settings())
     dip = Slope(0.1, profile=[(0.0, 2.0), (1.0, 1.0), (2.0, 2.0)])
     with pytest.raises(ValueError, match="sharp corner"):  # whose ends are crests
         checked_descent(body, LAW, dip, LAUNCH._replace(y=9.0), Settings())
     level = Slope(0.1, profile=[(0.0, 2.0), (1.0, 2.0)])
-    assert checked_descent(body, LAW, level, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (
-        2,
-        3,
-    )
     smooth = HILL._replace(rounding=0.1)
-    assert checked_descent(body, LAW, smooth, LAUNCH._replace(y=9.0), Settings()).lanes.tracks.vertices[0].shape == (
-        3,
-        3,
-    )
+    for slope in (level, smooth):
+        scenes = checked_descent(body, LAW, slope, LAUNCH._replace(y=9.0), Settings()).scenes
+        assert len(scenes.grounds()[0]) == len(slope.profile)
     with pytest.raises(ValueError, match=r"sharp corner: .* rounding=\.\.\.\) crests"):
         checked_descent(body, LAW, HILL._replace(rounding=[0.1, 0.0, 0.1]), LAUNCH._replace(y=9.0), Settings())
 
@@ -122,41 +124,52 @@ def test_lanes_may_have_profiles_of_their_own(other: Any) -> None:
 
 def test_profiles_that_are_the_same_are_one_track() -> None:
     """Oracle: which lanes have which."""
-    tracks = Tracks.of([HILL.ground, (), (*HILL.ground[:1], *HILL.ground[1:]), BUMPS.ground, ()])
-    assert tracks.numbers.tolist() == [0, 1, 0, 2, 1]
-    assert [len(vertices) for vertices in tracks.vertices] == [3, 0, 4]
-    assert tracks.lanes(0).tolist() == [0, 2]  # type: ignore[union-attr]
-    assert Tracks.of([HILL.ground] * 3).numbers.tolist() == [0]
+    again = Slope(0.2, profile=[*HILL.profile[:1], *HILL.profile[1:]])
+    slopes: list[Any] = [HILL, Slope(0.1), again, BUMPS, (0.1, 20.0, 9.81)]
+    scenes = checked_scenes(DISC, LAW, slopes, [LAUNCH] * 5, Settings())
+    assert scenes.rows["ground"].tolist() == [0, 4, 0, 5, 4]
+    assert scenes.rows["ground_end"].tolist() == [4, 5, 4, 10, 5]
+    assert len(scenes.pieces) == 10
+    scenes = checked_scenes(DISC, LAW, [HILL, again, HILL], [LAUNCH] * 3, Settings())
+    assert scenes.rows["ground"].tolist() == [0, 0, 0]
+    assert scenes.rows["ground_end"].tolist() == [4, 4, 4]
+    assert len(scenes.pieces) == 4
 
 
 @pytest.mark.parametrize("x", [-3.0, 1.7, 2.5, 3.0, 4.9])
 def test_a_launch_must_not_lie_below_the_ground(x: float) -> None:
     """Oracle: the height at which the body rests; what lies below it by rounding is lifted there."""
-    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), Tracks.of([HILL.ground])).tolist()
+    (lowest,) = resting_heights(DISC.record, np.array([x]), np.zeros(1), Grounds.of([HILL.vertices])).tolist()
     launch = State(x, lowest, 0.0)
     assert checked_descent(DISC, LAW, HILL, launch, Settings()).launch == launch
     rounded = launch._replace(y=lowest - 5e-10 * DISC.size)
     assert checked_descent(DISC, LAW, HILL, rounded, Settings()).launch == launch
-    assert checked_lanes(DISC, LAW, HILL, [rounded], Settings()).launches[0, 1] == lowest
+    assert checked_scenes(DISC, LAW, HILL, [rounded], Settings()).launches[0, 1] == lowest
     below = launch._replace(y=lowest - 2e-9 * DISC.size)
     with pytest.raises(ValueError, match=rf"^State\.y = .* lies below the surface; at x = {x} m and phi = 0\.0 rad"):
         checked_descent(DISC, LAW, HILL, below, Settings())
     with pytest.raises(ValueError, match=rf"^launches\[1\]\.y = .* must be at y >= {lowest} m"):
-        checked_lanes(DISC, LAW, HILL, [launch, below], Settings())
+        checked_scenes(DISC, LAW, HILL, [launch, below], Settings())
 
 
 @pytest.mark.parametrize("zones", [0, 1, 3])
 def test_rows_of_zones_hold_seven_numbers(zones: int) -> None:
-    """Oracle: the rows of the slopes; NaN for None and where a slope has fewer zones."""
+    """Oracle: the rows of the slopes; NaN for None. A slope that has fewer zones has fewer rows."""
     slopes = [
         Slope(0.1, zones=[Zone(k, k + 1.0, 0.1, 0.0, restitution=0.5) for k in range(zones)]),
         Slope(0.1, zones=[Zone(0.0, 1.0, 0.2, 0.0, stiffness=1e5)][:zones]),
     ]
-    rows = checked_lanes(DISC, LAW, slopes, [LAUNCH] * 2, Settings()).slopes
-    assert rows.shape == (2, 3 + ZONE_FIELDS * zones)
-    for row, slope in zip(rows, slopes, strict=True):
-        np.testing.assert_array_equal(row[: len(slope.row)], slope.row)
-        assert np.isnan(row[len(slope.row) :]).all()
+    given: list[Any] = [
+        slopes,
+        np.array([(*slope.row, *[math.nan] * 7 * (zones - len(slope.zones))) for slope in slopes]),
+    ]
+    for each in given:
+        scenes = checked_scenes(DISC, LAW, each, [LAUNCH] * 2, Settings())
+        assert scenes.zones.shape == (sum(len(slope.zones) for slope in slopes), ZONE_FIELDS)
+        for row, slope in zip(scenes.rows, slopes, strict=True):
+            own = scenes.zones[int(row["zones"]) : int(row["zones_end"])]
+            expected = [row["angle"], row["length"], row["gravity"], *own.ravel()]
+            np.testing.assert_array_equal(expected, slope.row)
 
 
 @pytest.mark.jit_only

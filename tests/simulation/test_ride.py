@@ -41,9 +41,8 @@ def problem(name: str, seed: int) -> tuple:
     """Body, law, slope and launch of a random context with a random launch."""
     rng = np.random.default_rng(seed)
     scenario = load_scenario(name)
-    context = scenario.sample(rng)
-    launch = scenario.launch(context, rng.uniform(-math.pi, math.pi), rng.uniform(-8.0, 8.0))
-    return scenario.body(), scenario.law(context), scenario.slope(context), launch
+    context = scenario.sample(rng)._replace(shape=0.0)  # all of one body
+    return tuple(scenario.given(context, rng.uniform(-math.pi, math.pi), rng.uniform(-8.0, 8.0)))
 
 
 def assert_same(one, other) -> None:
@@ -209,7 +208,7 @@ def test_a_batch_of_rides_is_a_batch_of_descents_and_leaves_ended_lanes_alone(na
 
 
 BODIES = (
-    load_scenario(own_scenario("ice_drop")).body(),
+    load_scenario(own_scenario("ice_drop")).all_bodies()[0],
     polygon(40.0, [(-0.6, 0.0), (0.6, 0.0), (0.3, 0.4), (-0.4, 0.3)]),
     segment(90.0, 0.5, 0.1, 9.0),
 )

@@ -20,6 +20,7 @@ from sledenv import Settings
 from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import simulate as simulate_module
+from sledenv.simulation import simulator as simulator_module
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.outcomes import Descent, DescentBatch
@@ -440,13 +441,13 @@ def scenario_batch(name: str, count: int, seed: int) -> DescentBatch:
     contexts = [scenario.sample(rng) for _ in range(count)]
     control = scenario.control
     states = [
-        scenario.launch(c, math.radians(rng.uniform(*control.orientation_deg)), rng.uniform(*control.spin_rad_s))
+        scenario.given(c, math.radians(rng.uniform(*control.orientation_deg)), rng.uniform(*control.spin_rad_s)).launch
         for c in contexts
     ]
     return simulate_batch(
-        [scenario.body(c) for c in contexts],
-        [scenario.law(c) for c in contexts],
-        [scenario.slope(c) for c in contexts],
+        [scenario.given(c).body for c in contexts],
+        [scenario.given(c).law for c in contexts],
+        [scenario.given(c).slope for c in contexts],
         states,
         scenario.settings(),
         keep_rebounds=True,
@@ -519,8 +520,8 @@ def test_an_interrupt_takes_effect_between_blocks(
             signal.raise_signal(signal.SIGINT)
         simulated(*arguments)
 
-    simulated = simulate_module.follow_all
-    monkeypatch.setattr(simulate_module, "follow_all", interrupted)
+    simulated = simulator_module.follow_all
+    monkeypatch.setattr(simulator_module, "follow_all", interrupted)
     monkeypatch.setattr(simulate_module, "_BLOCK", 4)
     request.addfinalizer(partial(signal.signal, signal.SIGINT, signal.getsignal(signal.SIGINT)))
     signal.signal(signal.SIGINT, signal.default_int_handler)  # a process in the background may ignore it
@@ -551,7 +552,7 @@ def test_progress_shows_a_bar_or_says_what_is_missing(
     assert_same_batch(quiet, simulate_batch(SEGMENT, LAW, INCLINE, states, Settings(max_rebounds=10), progress=True))
     assert "24.0/24.0" in capsys.readouterr().err
     monkeypatch.setitem(sys.modules, "tqdm", None)
-    monkeypatch.setattr(simulate_module, "follow_all", None)
+    monkeypatch.setattr(simulator_module, "follow_all", None)
     with pytest.raises(ImportError, match="the bar needs tqdm: pip install tqdm"):
         simulate_batch(SEGMENT, LAW, INCLINE, states, progress=True)
 
@@ -771,7 +772,7 @@ def nothing_runs(monkeypatch: pytest.MonkeyPatch) -> None:
     def run(*arguments: Any) -> None:
         raise AssertionError("simulated")
 
-    monkeypatch.setattr(simulate_module, "follow_all", run)
+    monkeypatch.setattr(simulator_module, "follow_all", run)
     with pytest.raises(AssertionError, match="simulated"):
         simulate(**GOOD, launch=LAUNCH)
     with pytest.raises(AssertionError, match="simulated"):

@@ -11,11 +11,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.outlines import sines_and_cosines
-from sledenv.simulation.scene import Slope, Tracks
+from sledenv.simulation.scene import Slope
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
-from sledenv.simulation.support import resting_heights, support_height
+from sledenv.simulation.support import resting_heights, support_height, support_heights
 
 Floats = NDArray[np.float64]
 
@@ -75,7 +76,7 @@ def slopes(draw: st.DrawFn) -> Slope:
 def test_a_body_rests_where_its_sampled_outline_does(slope: Slope, name: str, x: float, phi: float) -> None:
     """Oracle: 4,000 points on each arc and the chords between them; nothing is missed but their bulge."""
     body = BODIES[name]
-    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), Tracks.of([slope.ground]))
+    (found,) = resting_heights(body.record, np.array([x]), np.array([phi]), Grounds.of((slope.vertices,)))
     coarse = 2e-5 if not slope.rounding else 3e-3
     assert found == pytest.approx(sampled_height(body, x, phi, slope), abs=coarse * body.size)
 
@@ -86,7 +87,7 @@ def test_level_ground_carries_a_body_at_its_support_height(name: str, height: fl
     """Oracle: the support height on a plane, and the height of the ground under the body."""
     body, phi = BODIES[name], np.linspace(-3.1, 3.1, 41)
     slope = Slope(0.1, profile=[(-50.0, height), (-40.0, height - 1.0), (-30.0, height)])
-    found = resting_heights(body.record, np.full(41, 3.0), phi, Tracks.of([slope.ground]))
+    found = resting_heights(body.record, np.full(41, 3.0), phi, Grounds.of((slope.vertices,)))
     expected = [support_height(body, angle) + height for angle in phi.tolist()]
     np.testing.assert_allclose(found, expected, rtol=0.0, atol=4e-16 * (body.size + abs(height)))
 
@@ -99,7 +100,7 @@ def test_a_disc_in_a_dip_and_on_a_crest_rests_where_geometry_says() -> None:
     where = np.zeros(1), np.zeros(1)
     for radius in (0.0, 0.3, 2.0):
         dip, crest = (
-            Tracks.of([Slope(0.0, profile=profile, rounding=[0.0, radius, 0.0]).ground]) for profile in profiles
+            Grounds.of([Slope(0.0, profile=profile, rounding=[0.0, radius, 0.0]).vertices]) for profile in profiles
         )
         cut = radius * (1.0 / math.cos(theta) - 1.0)  # the disc lies on both pieces unless the dip is rounder
         deep = 0.5 + cut if radius > 0.5 else 0.5 / math.cos(theta)
@@ -108,15 +109,15 @@ def test_a_disc_in_a_dip_and_on_a_crest_rests_where_geometry_says() -> None:
 
 
 def test_many_bodies_rest_where_each_alone_does() -> None:
-    """Oracle: one at a time, bit for bit, through more pairs than one block holds."""
+    """Oracle: one at a time, bit for bit."""
     x, rng = np.linspace(-20.0, 20.0, 400), np.random.default_rng(3)
     slope = Slope(0.1, profile=np.column_stack([x, 0.3 * np.sin(x) + 0.01 * rng.uniform(size=400)]))
     names = sorted(BODIES)
     records = np.concatenate([BODIES[names[i % len(names)]].record for i in range(1500)])
     places, phi = rng.uniform(-25.0, 25.0, 1500), rng.uniform(-math.pi, math.pi, 1500)
-    found = resting_heights(records, places, phi, Tracks.of([slope.ground]))
+    found = resting_heights(records, places, phi, Grounds.of((slope.vertices,)))
     for i in range(0, 1500, 11):
-        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], Tracks.of([slope.ground]))
+        alone = resting_heights(records[i : i + 1], places[i : i + 1], phi[i : i + 1], Grounds.of((slope.vertices,)))
         assert alone[0] == found[i]
 
 
@@ -124,16 +125,34 @@ def test_bodies_on_several_tracks_rest_where_each_alone_does() -> None:
     """Oracle: one track at a time, bit for bit, planes among them."""
     x, rng = np.linspace(-20.0, 20.0, 60), np.random.default_rng(4)
     radii = rng.uniform(-0.5, 0.5, 60).clip(0.0)
-    profiles = [
-        tuple(zip(x.tolist(), rng.uniform(-0.3, 0.3, 60).tolist(), radii.tolist(), strict=True)) for _ in range(5)
-    ]
-    tracks = Tracks.of([[*profiles, ()][k] for k in rng.integers(0, 6, 500)])
+    vertices = [*(np.column_stack([x, rng.uniform(-0.3, 0.3, 60), radii]) for _ in range(5)), np.empty((0, 3))]
+    numbers = rng.integers(0, 6, 500)
+    tracks = Grounds.of(vertices, numbers)
     places, phi = rng.uniform(-25.0, 25.0, 500), rng.uniform(-math.pi, math.pi, 500)
     body = BODIES["sled"]
     found = resting_heights(body.record, places, phi, tracks)
-    for track, vertices in enumerate(tracks.vertices):
-        on = tracks.lanes(track)
-        profile = tuple(map(tuple, vertices.tolist()))
-        np.testing.assert_array_equal(
-            found[on], resting_heights(body.record, places[on], phi[on], Tracks.of([profile]))
-        )
+    for track, one in enumerate(vertices):
+        on = numbers == track
+        np.testing.assert_array_equal(found[on], resting_heights(body.record, places[on], phi[on], Grounds.of([one])))
+
+
+@pytest.mark.parametrize("name", sorted(BODIES))
+def test_on_a_plane_a_body_rests_at_its_support_height(name: str) -> None:
+    """Oracle: the support height, bit for bit, wherever the body is."""
+    phi = np.linspace(-math.pi, math.pi, 201)
+    x = np.where(np.arange(201) % 3 == 0, math.nan, np.linspace(-1e300, 1e300, 201))
+    found = resting_heights(BODIES[name].record, x, phi, Grounds.of([np.empty((0, 3))]))
+    np.testing.assert_array_equal(found, support_heights(BODIES[name].record, phi))
+
+
+@pytest.mark.parametrize("radius", [0.0, 0.5])
+def test_numbers_without_a_place_have_no_height(radius: float) -> None:
+    """Oracle: far before the profile and far behind it the ground is level."""
+    slope = Slope(0.1, profile=[(0.0, 0.0), (2.0, 1.0), (4.0, 0.0), (6.0, 1.0), (8.0, 0.0)], rounding=radius)
+    body, tracks = BODIES["sled"], Grounds.of((slope.vertices,))
+    (level,) = resting_heights(body.record, np.array([-1e300]), np.array([0.1]), tracks).tolist()
+    assert level == support_height(body, 0.1)
+    far = resting_heights(
+        body.record, np.array([1e300, math.inf, 3.0, 3.0]), np.array([0.1, 0.1, math.nan, math.inf]), tracks
+    )
+    np.testing.assert_array_equal(far, [level, math.nan, math.nan, math.nan])

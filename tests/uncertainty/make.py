@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from typing import Any, NamedTuple
 
+import numpy as np
+
+from sledenv.kernel import params
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.scenes import Scenes
 from sledenv.uncertainty import Study
 from tests.own_scenarios import own_scenario
 
@@ -77,3 +83,30 @@ def mapping(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 def made(base: dict[str, Any], **changes: Any) -> Study:
     return Study.model_validate(mapping(base, **changes))
+
+
+class Lane(NamedTuple):
+    """What one descent is given, but for its body, as simulate takes it."""
+
+    law: ContactLaw
+    slope: Slope
+    launch: State
+
+
+def lane_of(scenes: Scenes, lane: int) -> Lane:
+    """Read one of many descents, field by field."""
+    row = scenes.rows[lane]
+    law, slope, launch = (
+        [float(row[name]) for name in kind._fields] for kind in (params.ContactLaw, params.Slope, params.State)
+    )
+    own = scenes.zones[int(row["zones"]) : int(row["zones_end"])].tolist()
+    zones = [Zone(*[None if math.isnan(number) else number for number in zone]) for zone in own]
+    x, y, radius = (scenes.grounds()[lane][name] for name in ("x", "y", "radius"))
+    incline = Slope(*slope, zones=zones, profile=np.column_stack([x, y]), rounding=radius)
+    return Lane(ContactLaw(*law), incline, State(*launch))
+
+
+def batch_of(scenes: Scenes) -> tuple[np.ndarray, list[ContactLaw], list[Slope], list[State]]:
+    """Return bodies, laws, slopes and launches of descents, as simulate_batch takes them."""
+    laws, slopes, launches = zip(*[lane_of(scenes, lane) for lane in range(len(scenes.rows))], strict=True)
+    return scenes.bodies[scenes.body], list(laws), list(slopes), list(launches)

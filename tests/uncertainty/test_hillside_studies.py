@@ -15,14 +15,14 @@ import sledenv
 from sledenv import Settings
 from sledenv.machine.files import replacing
 from sledenv.scenarios.rocks import RockBody
-from sledenv.simulation.checks import checked_lanes
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.records import FINISH, STATUS_OF_CODE
-from sledenv.simulation.scene import Tracks
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty import Study, StudyError, load_study, run, summary
 from sledenv.uncertainty.descents import follow
 from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.terrain import read_section
+from tests.uncertainty.make import batch_of, lane_of
 
 UNIFORM = {"kind": "uniform", "low": 0.3, "high": 0.5}
 SECTION: list[list[Any]] = [[0, 40, "rock"], [10, 34, "rock"], [40, 12, "soil"], [60, 6, "soil"], [100, 4, "soil"]]
@@ -51,20 +51,18 @@ def hill(**changes: Any) -> Study:
 def test_passages_are_those_of_descents_that_end_there() -> None:
     """Oracle: each descent simulated anew on a slope that ends at the place, in flight and in contact, bit by bit."""
     study = hill()
-    lanes = study.lanes(study.values(run.draws(study)))
+    scenes = study.scenes(study.values(run.draws(study)))
     settings = study.base.settings()
-    found = descend_over(lanes, study.stations, settings)
-    rows = lanes.slopes.rows.copy()
-    rows[:, 1] = np.inf
-    given = checked_lanes(lanes.bodies, lanes.laws, lanes.slopes._replace(rows=rows), lanes.launches, settings)
+    found = descend_over(scenes, study.stations, settings)
+    (ground,) = {lane_of(scenes, lane).slope.profile for lane in range(len(scenes.rows))}
     swung = flown = touched = 0
     for k, x in enumerate(study.stations[1:], 1):
-        there = follow(given.tables(settings.limits), np.full(len(lanes.launches), x))
+        there = follow(scenes, np.full(len(scenes.rows), x), False, settings.limits)
         comes = there["status"] == FINISH
         assert np.isnan(found.speed[~comes, k]).all()
         both = comes & ~np.isnan(found.speed[:, k])
-        lowest = there["y"] - resting_heights(given.bodies, there["x"], within_a_turn(there["phi"]), given.tracks)
-        centre = there["y"] - np.interp(there["x"], *given.tracks.vertices[0].T[:2])
+        lowest = there["y"] - scenes.resting_heights(there["x"], within_a_turn(there["phi"]))
+        centre = there["y"] - np.interp(there["x"], *np.transpose(ground))
         for one, oracle in (
             (found.speed, np.hypot(there["u"], there["v"])),
             (found.kinetic, there["kinetic"]),
@@ -84,22 +82,25 @@ def test_passages_are_those_of_descents_that_end_there() -> None:
 def test_whole_descents_are_those_of_a_plain_batch() -> None:
     """Oracle: simulate_batch, bit for bit, on a ground that is level where it ends."""
     study = hill(terrain={"section": [*SECTION, [120, 4, "soil"]]})
-    lanes = study.lanes(study.values(run.draws(study)[:60]))
-    outcomes = descend_over(lanes, study.stations, study.base.settings()).outcomes
-    assert outcomes.tobytes() == sledenv.simulate_batch(*lanes, study.base.settings()).outcomes.tobytes()
+    scenes = study.scenes(study.values(run.draws(study)[:60]))
+    outcomes = descend_over(scenes, study.stations, study.base.settings()).outcomes
+    assert outcomes.tobytes() == sledenv.simulate_batch(*batch_of(scenes), study.base.settings()).outcomes.tobytes()
 
 
 def test_draws_of_a_hillside_go_where_their_keys_say() -> None:
     """Oracle: the columns of zones, the place of the start, the clearance of the launch."""
     study = hill()
     values = study.values(np.full((2, len(study.parameters)), 0.5))
-    lanes = study.lanes(values)
-    zone = lanes.slopes.rows[0, 3:].reshape(2, 7)
-    assert zone[0] == pytest.approx([0.0, 40.0, 0.4, 0.01, 0.01, 0.4, 2e7])
-    assert zone[1] == pytest.approx([40.0, np.inf, 0.6, 0.08, 0.08, 0.3, 1e7])
-    x, y, phi = lanes.launches[0, :3]
-    lowest = resting_heights(lanes.bodies[:1], np.array([x]), np.array([phi]), Tracks.of(lanes.slopes.profiles))
-    assert (x, y - lowest[0]) == pytest.approx((2.5, 0.2))
+    scenes = study.scenes(values)
+    for lane in range(2):
+        _, slope, launch = lane_of(scenes, lane)
+        first, second = slope.zones
+        assert first == pytest.approx([0.0, 40.0, 0.4, 0.01, 0.01, 0.4, 2e7])
+        assert second == pytest.approx([40.0, np.inf, 0.6, 0.08, 0.08, 0.3, 1e7])
+        ground = Grounds.of((slope.vertices,))
+        place, phi = np.array([launch.x]), np.array([launch.phi])
+        lowest = resting_heights(scenes.bodies[scenes.body[lane : lane + 1]], place, phi, ground)
+        assert (launch.x, launch.y - lowest[0]) == pytest.approx((2.5, 0.2))
 
 
 def test_a_rock_has_the_mass_of_its_ellipsoid() -> None:
@@ -200,8 +201,8 @@ def test_a_wrong_table_is_refused_by_its_line(text: str, message: str, tmp_path:
 def test_a_start_behind_no_station_needs_no_rebound() -> None:
     """Oracle: at the first station all are told where they begin."""
     study = hill(start_m=2.0, launches=10)
-    lanes = study.lanes(study.values(run.draws(study)))
-    found = descend_over(lanes, study.stations, Settings(max_time=1e-3))
+    scenes = study.scenes(study.values(run.draws(study)))
+    found = descend_over(scenes, study.stations, Settings(max_time=1e-3))
     assert found.speed[:, 0] == pytest.approx(1.0)
     assert found.bounce is not None
     assert found.bounce[:, 0] == pytest.approx(0.2)

@@ -23,7 +23,7 @@ from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE
 from tests.bodies import same_bits
 from tests.own_scenarios import own_scenario
-from tests.uncertainty.make import DROP, PUSH, ZONED, made, mapping
+from tests.uncertainty.make import DROP, PUSH, ZONED, batch_of, lane_of, made, mapping
 
 UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
 FAR = {"kind": "uniform", "low": 8, "high": 10}
@@ -40,8 +40,8 @@ def test_every_shipped_study_is_valid_and_launches(name: str) -> None:
     study = load_study(name)
     assert study.id == name
     assert study.sources
-    lanes = study.lanes(study.values(np.full((3, len(study.parameters)), 0.3)))
-    assert len(simulate_batch(*lanes).outcomes) == 3
+    scenes = study.scenes(study.values(np.full((3, len(study.parameters)), 0.3)))
+    assert len(simulate_batch(*batch_of(scenes)).outcomes) == 3
 
 
 DENSITIES = {  # written out, unlike those of scipy.stats
@@ -127,8 +127,8 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
     around = {key: {"kind": "uniform", "low": 0.97 * value, "high": 1.03 * value} for key, value in fields.items()}
     study = made(mapping(DROP, body=certain | around, launch__drop_m=0.0, launch__orientation_deg=30))
     values = study.values(np.random.default_rng(0).uniform(0.01, 0.99, (5, len(fields))))
-    lanes = study.lanes(values)
-    for row, body, launch in zip(values, lanes.bodies, lanes.launches, strict=True):
+    scenes = study.scenes(values)
+    for row, body, launch in zip(values, scenes.bodies[scenes.body], scenes.launches, strict=True):
         alone = section.model_validate(certain | dict(zip(fields, row.tolist(), strict=True))).build()
         same_bits(body, alone.record[0])
         assert launch[1] == sledenv.simulation.support.support_height(alone, launch[2])
@@ -146,18 +146,22 @@ def test_draws_go_where_their_keys_say() -> None:
         launch__orientation_deg={"kind": "uniform", "low": -30, "high": 30},
         launch__fall_m_s=UNIFORM,
     )
-    _, laws, slopes, launches = study.lanes(study.values(np.full((2, 7), 0.25)))
-    assert laws[0] == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
-    assert slopes.rows[1] == pytest.approx([math.radians(12.5), 100.0, 0.225])
-    assert launches[0] == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
+    scenes = study.scenes(study.values(np.full((2, 7), 0.25)))
+    law, _, launch = lane_of(scenes, 0)
+    assert law == pytest.approx(ContactLaw(1e7, 0.225, 0.0, 0.0, 0.225))
+    assert lane_of(scenes, 1).slope[:3] == pytest.approx([math.radians(12.5), 100.0, 0.225])
+    assert launch == pytest.approx(State(0.0, 0.1 + 0.875, math.radians(-15.0), 3.0, -0.225, 0.0))
 
 
 def test_a_study_stands_in_for_the_numbers_of_its_scenario() -> None:
     """Oracle: the shipped scenario for all else; what tells one study from another is not its words."""
     study = made(PUSH)
-    lanes = study.lanes(study.values(np.full((2, 3), 0.5)))
-    assert lanes.bodies == study.base.body() == sledenv.load_scenario(own_scenario("bowl_snow")).body()
-    assert lanes.launches[0, 3] == pytest.approx(5.0)
+    scenes = study.scenes(study.values(np.full((2, 3), 0.5)))
+    (body,) = study.base.all_bodies()
+    assert (body,) == sledenv.load_scenario(own_scenario("bowl_snow")).all_bodies()
+    assert scenes.body.tolist() == [0, 0]
+    same_bits(scenes.bodies, body.record)
+    assert scenes.launches[0, 3] == pytest.approx(5.0)
     assert study.base.ends.on_chord
     assert made(PUSH, title="Another", launches=7, seed=3).key == study.key
     assert made(PUSH, solver="rigid").key != study.key
@@ -263,10 +267,10 @@ def test_draws_that_are_no_body_are_counted() -> None:
     eccentricity = {"kind": "triangular", "low": 0.6, "mode": 1.0, "high": 1.0}
     study = made(PUSH, body__eccentricity_m=eccentricity)
     with pytest.raises(StudyError, match=r"a share of 0\.25 of all draws is no body, such as .*eccentricity_m = 0\.7"):
-        study.bodies(study.values(np.full((4, 4), [[0.1], [0.7], [0.8], [0.9]])))
+        study.check_bodies(study.values(np.full((4, 4), [[0.1], [0.7], [0.8], [0.9]])))
     light = made(DROP, body__mass_kg={"kind": "uniform", "low": 0.5, "high": 2.5})  # all mass at the rim: 1 kg
     with pytest.raises(StudyError, match=r"a share of 0\.25 .* inertia_kg_m2 = 0\.01: must be a number in \(0, m"):
-        light.bodies(light.values(np.tile([[0.2], [0.3], [0.5], [0.9]], 2)))
+        light.check_bodies(light.values(np.tile([[0.2], [0.3], [0.5], [0.9]], 2)))
 
 
 @pytest.mark.parametrize("text", ["", "- 1", "id: [", "id: a\nid: b"])

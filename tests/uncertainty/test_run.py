@@ -19,11 +19,11 @@ from scipy import stats
 import sledenv
 from sledenv import Settings, simulate, simulate_batch
 from sledenv.machine.workers import Call
-from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.scene import Slope, Zone
 from sledenv.uncertainty import StudyError, run, summary
 from sledenv.uncertainty.descents import descend_past
 from tests.bodies import same_bits
-from tests.uncertainty.make import DROP, PUSH, ZONED, made, mapping
+from tests.uncertainty.make import DROP, PUSH, ZONED, batch_of, lane_of, made, mapping
 
 GRAVITY = 9.81
 
@@ -136,16 +136,15 @@ def test_speed_in_contact_is_that_of_a_frictionless_slide(solver: str, tmp_path:
 def test_passages_are_descents_on_slopes_that_end_there() -> None:
     """Oracle: simulate, one launch and station at a time; slopes of two lengths, one of which ends before a station."""
     study = made(PUSH, slope__length_m=between(3.0, 9.0), body__mass_kg=between(90.0, 120.0), launches=18)
-    lanes = study.lanes(study.values(run.draws(study)))
-    tables = lanes.laws, lanes.slopes.rows, lanes.launches
+    scenes = study.scenes(study.values(run.draws(study)))
     stations = np.array([0.0, 0.01, 2.0, 6.0, 8.0])
-    found = descend_past(lanes, stations, Settings(max_rebounds=200, end_on_chord=True))
+    found = descend_past(scenes, stations, Settings(max_rebounds=200, end_on_chord=True))
     limits = {"max_rebounds": 200, "end_on_chord": True}
     passed = 0
-    for i in range(len(lanes.launches)):
-        body = study.base.body_section.model_copy(update={"mass_kg": float(lanes.bodies["mass"][i])}).build()
-        same_bits(lanes.bodies[i], body.record[0])
-        law, slope, launch = (kind(*row[i]) for kind, row in zip((ContactLaw, Slope, State), tables, strict=True))
+    for i in range(len(scenes.rows)):
+        body = study.base.body_section.model_copy(update={"mass_kg": float(scenes.of_body("mass")[i])}).build()
+        same_bits(scenes.bodies[scenes.body[i]], body.record[0])
+        law, slope, launch = lane_of(scenes, i)
         whole = simulate(body, law, slope, launch, **limits)
         for name in whole.outcome.dtype.names:
             assert whole.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
@@ -169,8 +168,9 @@ def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     """Oracle: simulate_batch of the same launches, numpy's quantiles, counting."""
     study = pushed.study
     values = study.values(run.draws(study))
-    lanes = study.lanes(values)
-    batch = simulate_batch(*lanes, Settings(max_time=60.0, max_rebounds=200, end_on_chord=True))
+    batch = simulate_batch(
+        *batch_of(study.scenes(values)), Settings(max_time=60.0, max_rebounds=200, end_on_chord=True)
+    )
     table = pushed.read()
     assert np.array_equal(table[list(study.parameters)], values)
     assert (table["status"].astype(str) == batch.status).all()
@@ -371,16 +371,17 @@ def test_zones_are_uncertain_and_a_part_of_the_body_ends_descents() -> None:
     """Oracle: simulate, with the zone of each draw."""
     study = made(ZONED, body__rider_mass_kg=between(60.0, 90.0))
     values = study.values(run.draws(study)[:60])
-    lanes = study.lanes(values)
+    scenes = study.scenes(values)
     names = list(study.parameters)
     settings = study.base.settings(study.solver)
-    found = descend_past(lanes, np.array([0.0, 4.0, 12.0]), settings)
+    found = descend_past(scenes, np.array([0.0, 4.0, 12.0]), settings, study.base.all_bodies())
     for i, row in enumerate(values):
         given = dict(zip(names, row, strict=True))
         body = study.base.body_section.model_copy(update={"rider_mass_kg": given["body.rider_mass_kg"]}).build()
         zone = Zone(given["zone.begin_m"], np.inf, given["zone.friction"], 0.001, 0.001)
         slope = Slope(np.radians(3.0), 12.0, zones=[zone])
-        one = simulate(body, ContactLaw(*lanes.laws[i]), slope, State(*lanes.launches[i]), settings)
+        law, _, launch = lane_of(scenes, i)
+        one = simulate(body, law, slope, launch, settings)
         for name in one.outcome.dtype.names:
             assert one.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
     assert len({str(sledenv.STATUS_OF_CODE[code]) for code in found.outcomes["status"]}) >= 2

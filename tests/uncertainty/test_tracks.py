@@ -12,18 +12,18 @@ import yaml
 import sledenv
 from sledenv.command.cli import main
 from sledenv.simulation.records import STATUS_OF_CODE
-from sledenv.simulation.scene import ContactLaw, State
+from sledenv.simulation.scenes import Scenes
 from sledenv.uncertainty import Study, StudyError, load_study, run
 from sledenv.uncertainty.descents import descend_past
-from tests.uncertainty.make import ROLLERS, made, mapping
+from tests.uncertainty.make import ROLLERS, lane_of, made, mapping
 
 UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
 PROFILE = [[3, 0], [6, 0.4], [7, 0.4], [9, 0], [12, 0], [15, 0.3], [18, 0]]
 BUMPS = {"height_m": [0.2, 0.4], "face_m": [2, 3], "top_m": 0.5, "gap_m": [1, 2], "start_m": 3}
 
 
-def lanes_of(study: Study, launches: int) -> Any:
-    return study.lanes(study.values(run.draws(study)[:launches]))
+def scenes_of(study: Study, launches: int) -> Scenes:
+    return study.scenes(study.values(run.draws(study)[:launches]))
 
 
 def test_every_launch_rides_the_track_of_its_number() -> None:
@@ -35,8 +35,8 @@ def test_every_launch_rides_the_track_of_its_number() -> None:
     tracks = values[:, 2]
     assert (tracks == np.floor(tracks)).all()
     assert len(np.unique(tracks)) == len(values) // 5 * 2  # of a group of Saltelli's scheme
-    lanes = study.lanes(values)
-    found = descend_past(lanes, study.stations, settings)
+    scenes = study.scenes(values)
+    found = descend_past(scenes, study.stations, settings, study.base.all_bodies())
     scenario = sledenv.load_scenario("sled_rollers")
     low, _ = study.base.ranges
     for i, row in enumerate(values.tolist()):
@@ -44,10 +44,9 @@ def test_every_launch_rides_the_track_of_its_number() -> None:
         context = sledenv.Context(*low)._replace(
             friction=given["contact.friction"], speed=given["launch.speed_m_s"], track=given["slope.bumps"]
         )
-        slope = scenario.slope(context)
-        assert slope.ground == lanes.slopes.profiles[i]
-        one = sledenv.simulate(scenario.body(), scenario.law(context), slope, State(*lanes.launches[i]), settings)
-        assert lanes.launches[i].tolist() == list(scenario.launch(context))
+        own = scenario.given(context)
+        assert own[1:] == lane_of(scenes, i)
+        one = sledenv.simulate(*own, settings)
         for name in one.outcome.dtype.names:
             assert one.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
         assert one.jam.reward == found.jam.reward[i]
@@ -58,17 +57,14 @@ def test_every_launch_rides_the_track_of_its_number() -> None:
 def test_passages_over_bumps_agree_with_the_trajectory() -> None:
     """Oracle: rows of the trajectory on both sides of a station, on faces, tops and level ground, in flight or not."""
     study = made(ROLLERS)
-    lanes, settings = lanes_of(study, 12), study.base.settings()
+    scenes, settings = scenes_of(study, 12), study.base.settings()
+    (body,) = study.base.all_bodies()
     stations = np.linspace(0.0, 50.0, 11)
-    found = descend_past(lanes, stations, settings)
+    found = descend_past(scenes, stations, settings, [body])
     compared = 0
-    for i in range(len(lanes.launches)):
-        angle, length, gravity = lanes.slopes.rows[i].tolist()
-        slope = sledenv.Slope(angle, length, gravity, profile=[vertex[:2] for vertex in lanes.slopes.profiles[i]])
-        law, launch = ContactLaw(*lanes.laws[i]), State(*lanes.launches[i])
-        rows = sledenv.simulate(
-            lanes.bodies, law, slope, launch, settings, record="trajectory", sample_interval=1e-3
-        ).trajectory
+    for i in range(len(scenes.rows)):
+        given = lane_of(scenes, i)
+        rows = sledenv.simulate(body, *given, settings, record="trajectory", sample_interval=1e-3).trajectory
         for k, x in enumerate(stations[1:], 1):
             beyond = np.flatnonzero(rows["x"] >= x)
             assert np.isnan(found.speed[i, k]) == (len(beyond) == 0)
@@ -124,17 +120,18 @@ def test_ground_may_be_of_the_study_or_of_its_scenario(
     study_file = written(tmp_path, **changes, stations_m=[8, 22])
     monkeypatch.chdir("/")
     study = load_study(study_file)
-    lanes = lanes_of(study, 6)
+    scenes = scenes_of(study, 6)
     drawn = ground == "bumps"
     assert ("slope.bumps" in study.parameters) == drawn
-    assert len(lanes.slopes.profiles) == (6 if drawn else 1)
+    assert len(np.unique(scenes.rows["ground"])) == (len(np.unique(scenes.rows["stream"])) if drawn else 1)
+    assert len({ground.tobytes() for ground in scenes.grounds()}) == len(np.unique(scenes.rows["ground"]))
     if not drawn:
-        assert lanes.slopes.profiles[0] == tuple((float(x), float(y), 0.0) for x, y in PROFILE)
+        assert lane_of(scenes, 0).slope.ground == tuple((float(x), float(y), 0.0) for x, y in PROFILE)
     again = tmp_path / "elsewhere" / "study.yaml"
     again.parent.mkdir()
     again.write_text(yaml.safe_dump(study.model_dump(mode="json")))
     assert load_study(again).key == study.key
-    found = descend_past(lanes, study.stations, study.base.settings())
+    found = descend_past(scenes, study.stations, study.base.settings(), study.base.all_bodies())
     assert np.isfinite(found.speed[:, 1]).any()
 
 
@@ -142,10 +139,10 @@ def test_a_body_that_is_drawn_is_launched_clear_of_the_bumps() -> None:
     """Oracle: a launch below the ground is refused; the largest rocks reach over the first bump."""
     body = {"kind": "rock", "length_m": {"kind": "uniform", "low": 1, "high": 9}}
     study = made(ROLLERS, body=body, ends={"touching": None}, launch__speed_m_s=9)
-    lanes = lanes_of(study, 40)
-    begins = np.array([profile[0][0] for profile in lanes.slopes.profiles])
-    assert (lanes.bodies["size"] > begins).any()
-    found = descend_past(lanes, np.array([0.0, 1.0]), study.base.settings())
+    scenes = scenes_of(study, 40)
+    begins = np.array([ground["x"][0] for ground in scenes.grounds()])
+    assert (scenes.of_body("size") > begins).any()
+    found = descend_past(scenes, np.array([0.0, 1.0]), study.base.settings())
     assert np.isfinite(found.speed).all()
 
 

@@ -12,7 +12,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import Contexts
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.ride import RideBatch
+from sledenv.simulation.simulator import Simulator
 
 Floats = NDArray[np.float64]
 
@@ -54,7 +54,7 @@ def best_rides(problem: Problem, scenes: Contexts) -> pd.DataFrame:
         searches.append((plans, rewards))
     found = np.array([rewards for _, rewards in searches])
     best = np.array([plans for plans, _ in searches])[found.argmax(axis=0), np.arange(count)]
-    flights = _finish(problem, _begin(problem, scenes), scenes, best)[1]
+    flights = _finish(problem, _begin(problem, scenes), best)[1]
     best[np.arange(LONGEST) >= flights[:, np.newaxis]] = np.nan
     named = {f"action_{i}": trims for i, trims in enumerate(best.T[: max(int(flights.max(initial=0)), 1)])}
     second, rewards = np.sort(found, axis=0)[-2:]
@@ -73,7 +73,7 @@ def follow_plans(problem: Problem, scenes: Contexts, plans: Floats) -> DescentBa
     """Return the rides of plans of shape (n, k), NaN behind the last trim, in scenes of shape (n, 12) or (n, 14)."""
     whole = np.zeros((len(plans), LONGEST))
     whole[:, : plans.shape[1]] = np.nan_to_num(plans)
-    return _finish(problem, _begin(problem, scenes), scenes, whole)[0]
+    return _finish(problem, _begin(problem, scenes), whole)[0]
 
 
 def _shoot(problem: Problem, scenes: Contexts, number: int) -> tuple[Floats, Floats, Floats]:
@@ -83,7 +83,7 @@ def _shoot(problem: Problem, scenes: Contexts, number: int) -> tuple[Floats, Flo
     shots[0] = 0.0
     plans = np.tile(shots, (len(scenes), 1, 1))
     rides = _begin(problem, scenes).take(lanes)
-    earned = _finish(problem, rides, scenes[lanes], plans.reshape(-1, LONGEST))[0].jam.reward.reshape(-1, SHOTS)
+    earned = _finish(problem, rides, plans.reshape(-1, LONGEST))[0].jam.reward.reshape(-1, SHOTS)
     return _best(plans, earned), earned.max(axis=1), earned
 
 
@@ -93,7 +93,7 @@ def _sweep(
     """Improve plans of shape (n, LONGEST), and their rewards, at one flight after the other."""
     rides, kind = _begin(problem, scenes), np.arange(BRANCHES) % 3
     for flight in range(LONGEST):
-        moving = np.flatnonzero(rides.outcomes()["status"] == RUNNING)
+        moving = np.flatnonzero(rides.flights["status"] == RUNNING)
         if not moving.size:
             return
         tried = np.repeat(plans[moving, np.newaxis], BRANCHES, axis=1)
@@ -106,27 +106,25 @@ def _sweep(
         behind[:, kind == 2] = changed[:, kind == 2]
         tried[:, 0] = plans[moving]  # the first of equal ones stays
         lanes = np.repeat(moving, BRANCHES)
-        batch, _ = _finish(problem, rides.take(lanes), scenes[lanes], tried.reshape(-1, LONGEST), flight)
+        batch, _ = _finish(problem, rides.take(lanes), tried.reshape(-1, LONGEST), flight)
         earned = batch.jam.reward.reshape(len(moving), BRANCHES)
         plans[moving], rewards[moving] = _best(tried, earned), earned.max(axis=1)
-        rides.hop(problem.task.spins(scenes, plans[:, [flight]], np.full(len(scenes), flight)))
+        rides.hop(problem.task.spins(rides.scenes, plans[:, [flight]], np.full(len(scenes), flight)))
 
 
-def _begin(problem: Problem, scenes: Contexts) -> RideBatch:
+def _begin(problem: Problem, scenes: Contexts) -> Simulator:
     """Return rides at their first decisions."""
-    rides = problem.task.rides(scenes)
-    rides.await_flights(np.arange(len(scenes)))
-    return rides
+    return problem.task.rides(problem.task.scenes(scenes))
 
 
 def _finish(
-    problem: Problem, rides: RideBatch, scenes: Contexts, plans: Floats, flight: int = 0
+    problem: Problem, rides: Simulator, plans: Floats, flight: int = 0
 ) -> tuple[DescentBatch, NDArray[np.int64]]:
     """Follow rides on to their ends with the trims of plans from a flight on; return how many flights they had."""
     flights = np.full(len(plans), flight)
-    while (moving := rides.outcomes()["status"] == RUNNING).any():
+    while (moving := rides.flights["status"] == RUNNING).any():
         trims = plans[:, [flight]] if flight < LONGEST else np.zeros((len(plans), 1))
-        rides.hop(problem.task.spins(scenes, trims, flights))
+        rides.hop(problem.task.spins(rides.scenes, trims, flights))
         flights, flight = flights + moving, flight + 1
     return rides.descents(), flights
 

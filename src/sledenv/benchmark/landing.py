@@ -15,6 +15,7 @@ from sledenv.scenarios.scenario import Context
 
 Floats = NDArray[np.float64]
 
+_SHAPE: Final = Context._fields.index("shape")
 _HALVINGS: Final = 60  # of the time of flight: down to rounding
 
 
@@ -89,7 +90,7 @@ class Landing:
         angle, drop, fall = (contexts[:, Context._fields.index(name)] for name in ("angle", "drop", "fall"))
         normal = self._gravity * np.cos(angle)
         touching = task.support_heights(contexts, pose)
-        highest = drop + task.of_bodies(contexts, highest_support)
+        highest = drop + np.array(list(map(highest_support, task.bodies)))[contexts[:, _SHAPE].astype(int)]
         low, high = np.zeros_like(drop), fall_time(highest, fall, normal)
         for _ in range(_HALVINGS):
             time = 0.5 * (low + high)

@@ -15,8 +15,9 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.envs.columns import USUAL
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
-from sledenv.envs.task import USUAL, Task
+from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
@@ -24,6 +25,7 @@ from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
 from sledenv.simulation.rules import checked_seed
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
@@ -38,6 +40,25 @@ class Policy(Protocol):
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions of shape (n, k) in [-1, 1] for what is seen, see :class:`sledenv.envs.task.Task`."""
+        ...
+
+
+class Planner(Protocol):
+    """What can be judged in place of a policy: it knows the model, and may follow rides on (:mod:`sledenv.simulation`).
+
+    It is told no more of what lies ahead than a policy is: see :meth:`sledenv.envs.task.Task.masked`.
+    """
+
+    def plan(self, scenes: Scenes, flights: np.ndarray | None) -> NDArray[np.float32]:
+        """Return actions of shape (n, k) in [-1, 1].
+
+        Parameters
+        ----------
+        scenes : Scenes
+            All that is given of n descents, as far as it is seen.
+        flights : ndarray of OUTCOME, shape (n,)
+            Where rides stand; None of launches.
+        """
         ...
 
 
@@ -241,7 +262,10 @@ class Problem:
         """Simulate one descent a context with launches of shape (n, k), on all cores; of rides see :meth:`judge`."""
         self.must_be("launch", "launches that are chosen; judge follows rides")
         chosen = checked_actions(self.task.action_space, self.task.action_names, actions, len(contexts))
-        return self.task.descend_batch(contexts, self.task.launches(contexts, chosen))
+        return self._descend(contexts, chosen)
+
+    def _descend(self, contexts: Contexts, actions: NDArray[np.float64]) -> DescentBatch:
+        return self.task.descend(self.task.aimed(self.task.scenes(contexts), actions))
 
     def expect(self, trials: Contexts, actions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the mean rewards of launches over trials.
@@ -257,14 +281,14 @@ class Problem:
         -------
         ndarray, shape (n, m)
         """
-        task, (count, tried) = self.task, actions.shape[:2]
+        count, tried = actions.shape[:2]
         flat, many = actions.reshape(count * tried, -1), trials.shape[1]
         means: NDArray[np.float64] = np.empty(len(flat))
         size = max(1, _BLOCK // many)
         for start in range(0, len(flat), size):
             rows = np.arange(start, min(start + size, len(flat)))
             contexts = trials[rows // tried].reshape(-1, trials.shape[2])
-            batch = task.descend_batch(contexts, task.launches(contexts, np.repeat(flat[rows], many, axis=0)))
+            batch = self._descend(contexts, np.repeat(flat[rows], many, axis=0))
             means[rows] = batch.jam.reward.reshape(len(rows), many).mean(axis=1)
         return means.reshape(count, tried)
 
@@ -294,12 +318,11 @@ class Problem:
             If it raises an error itself, which is the cause.
         """
         trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
-        task, many = self.task, trials.shape[1]
+        many = trials.shape[1]
         contexts = trials.reshape(-1, trials.shape[2])
         if self.environment == "launch":
-            actions = self._answer(agent, trials[:, 0])
-            launches = task.launches(contexts, np.repeat(actions, many, axis=0))
-            return task.descend_batch(contexts, launches), actions
+            actions = self._answer(agent, self.task.scenes(trials[:, 0, :FIELDS]))
+            return self._descend(contexts, np.repeat(actions, many, axis=0)), actions
         batch, trims = self.ride(agent, contexts)
         return batch, np.nan_to_num(trims[::many, :1])
 
@@ -322,34 +345,38 @@ class Problem:
         ValueError, GivenCodeError
             As :meth:`judge`.
         """
-        task, lanes = self.task, np.arange(len(contexts))
-        rides, spins = task.rides(contexts), np.zeros(len(contexts))
+        task = self.task
+        rides, spins = task.rides(task.scenes(contexts)), np.zeros(len(contexts))
         trims: list[NDArray[np.float64]] = []
-        rides.await_flights(lanes)
         while True:
-            flights = rides.outcomes()
-            moving = np.flatnonzero(flights["status"] == RUNNING)
+            moving = np.flatnonzero(rides.flights["status"] == RUNNING)
             if not moving.size:
                 break
-            chosen = self._answer(agent, contexts[moving], flights[moving])
+            scenes = rides.scenes.take(moving)
+            chosen = self._answer(agent, scenes, rides.flights.take(moving))
             spins[:] = 0.0
-            spins[moving] = task.spins(contexts[moving], chosen, np.full(len(moving), len(trims)))
+            spins[moving] = task.spins(scenes, chosen, np.full(len(moving), len(trims)))
             trims.append(np.full((len(contexts), 1), np.nan))
             trims[-1][moving] = chosen
             rides.hop(spins)
         return rides.descents(), np.hstack(trims or [np.full((len(contexts), 1), np.nan)])
 
-    def _answer(self, agent: Policy, contexts: Contexts, flights: np.ndarray | None = None) -> NDArray[np.float64]:
+    def _answer(
+        self, agent: Policy | Planner, scenes: Scenes, flights: np.ndarray | None = None
+    ) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
-        if self._seen_by is None:
-            observations = self.task.observe(contexts, flights)
-        else:
-            observations = self._seen_by.observe(contexts, flights, self.scenario)
         whose = f"agent {getattr(agent, 'name', type(agent).__module__)}, scenario {self.scenario.id}"
-        with blaming(whose, "act"):
-            actions = agent.act(observations)
+        if callable(plan := getattr(agent, "plan", None)):
+            masked = self.task.masked(scenes, flights)
+            with blaming(whose, "plan"):
+                actions = plan(masked, None if flights is None else flights.copy())
+        else:
+            task, bounded = (self.task, True) if self._seen_by is None else (self._seen_by, False)
+            observations = task.observe(scenes, flights, bounded=bounded)
+            with blaming(whose, "act"):
+                actions = agent.act(observations)  # type: ignore[union-attr]
         try:
-            return checked_actions(self.action_space, self.task.action_names, actions, len(observations))
+            return checked_actions(self.action_space, self.task.action_names, actions, len(scenes.rows))
         except InvalidAction as error:
             raise ValueError(f"{whose}: {error}") from error
 

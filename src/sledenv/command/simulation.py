@@ -307,11 +307,10 @@ def _asked(name: str, chosen: Launch, solver: Solver) -> _Asked:
     scenario = load_scenario(name)
     context = scenario.sample(np.random.default_rng(chosen.seed))
     orientation = None if chosen.orientation_deg is None else math.radians(chosen.orientation_deg)
-    launch = scenario.launch(context, orientation, chosen.spin, chosen.speed)
     return _Asked(
         {"scenario": scenario.id, "seed": chosen.seed, "solver": solver},
         scenario.title,
-        (scenario.body(context), scenario.law(context), scenario.slope(context), launch),
+        scenario.given(context, orientation, chosen.spin, chosen.speed),
         scenario.settings(solver),
     )
 

@@ -21,10 +21,7 @@ _NOWHERE = ctypes.addressof(_RESULT)  # no entry has a result or an error
 
 
 class Table(NamedTuple):
-    """Kind of an argument: a C-contiguous array, in C a pointer to its first element, and its lengths.
-
-    A tuple of floats is taken for an array of them, or for one row of a table.
-    """
+    """Kind of an argument: a C-contiguous array, in C a pointer to its first element, and its lengths."""
 
     dtype: np.dtype
     dimensions: int = 1
@@ -78,46 +75,34 @@ class Entry:
             For an array of another type or layout.
         """
         if INTERPRETED:
-            tables = [_table(kind, one) for kind, one in zip(self.kinds, given, strict=False)]
-            return lambda *numbers: self.function(*self.grouped([*tables, *numbers], lambda of, group: of(*group)))
+            return lambda *numbers: self.function(*self.grouped([*given, *numbers], lambda of, group: of(*group)))
         run = self._run or self._found()
         doubles = array("d")
         passed: list[Any] = [_NOWHERE, _NOWHERE, 0]
-        rows: list[tuple[int, tuple[float, ...]]] = []  # tuples that stand for arrays, and where their pointers go
         for kind, argument in zip(self.kinds, given, strict=False):
-            if isinstance(argument, np.ndarray):
-                passed += self._pointer(kind, argument)
-            elif not isinstance(argument, tuple):
-                passed.append(argument)
-            elif isinstance(kind, Table):
-                rows.append((len(passed), argument))
-                passed += [0, *(1, len(argument))[-kind.dimensions :]]
-            else:
+            if isinstance(argument, tuple):
                 doubles.extend(argument)
-        for place, row in rows:
-            passed[place] = 8 * len(doubles)  # behind the first of them
-            doubles.extend(row)
-        first = passed[2] = doubles.buffer_info()[0]
-        for place, _ in rows:
-            passed[place] += first
+            elif not isinstance(argument, np.ndarray):
+                passed.append(argument)
+            else:
+                dtype, shape = argument.dtype, argument.shape
+                fits = isinstance(kind, Table) and dtype == kind.dtype and len(shape) == kind.dimensions
+                if not (fits and argument.flags.c_contiguous):
+                    raise TypeError(f"{self.name} takes {kind}, not {dtype} of shape {shape}")
+                if 0 in shape:
+                    passed.append(0)
+                elif dtype is _DOUBLE and argument.flags.writeable:  # found faster so
+                    passed.append(ctypes.addressof(_byte_of(argument)))
+                else:
+                    passed.append(argument.ctypes.data)
+                passed += shape
+        passed[2] = doubles.buffer_info()[0]
 
         def call(*numbers: Any, _kept: Any = (doubles, given)) -> None:
             if run(*passed, *numbers):
                 raise RuntimeError(f"{self.name} has failed: this is a bug of sledenv")
 
         return call
-
-    def _pointer(self, kind: Any, table: np.ndarray) -> tuple[int, ...]:
-        """Where an array lies, and its lengths."""
-        dtype, shape = table.dtype, table.shape
-        alike = dtype is kind.dtype or dtype == kind.dtype
-        if not (alike and len(shape) == kind.dimensions and table.flags.c_contiguous):
-            raise TypeError(f"{self.name} takes {kind}, not {dtype} of shape {shape}")
-        if 0 in shape:
-            return 0, *shape
-        if dtype is _DOUBLE and table.flags.writeable:  # found faster so
-            return ctypes.addressof(_byte_of(table)), *shape
-        return table.ctypes.data, *shape
 
     def grouped(self, given: Sequence[Any], joined: Callable[[Callable[..., Any], list[Any]], Any]) -> Iterator[Any]:
         """Yield the arguments of the function: those given, in groups that ``joined`` makes of a type and its parts."""
@@ -140,10 +125,3 @@ class Entry:
         # ctypes lets other threads run Python meanwhile.
         self._run = ctypes.CFUNCTYPE(ctypes.c_int32, *kinds)(self._find(self.name))
         return self._run
-
-
-def _table(kind: Kind, given: Any) -> Any:
-    """Return the array that a tuple stands for, and anything else as it is."""
-    if isinstance(kind, Table) and isinstance(given, tuple):
-        return np.array(given).reshape((1, len(given))[-kind.dimensions :])
-    return given

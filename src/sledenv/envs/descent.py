@@ -22,7 +22,7 @@ class SledDescent(SledLaunch):
     first step, whose trim has no effect, returns all of its reward.
 
     Observation
-        ``Box(-1, 1, (22,), float32)``: the eleven fields of the context as in :class:`SledLaunch`, then the flight that
+        A Box of 22 entries, float32: the eleven fields of the context as in :class:`SledLaunch`, then the flight that
         begins: length left, height over the ground under the mass centre, sine and cosine of the orientation, velocity
         along and off the slope, spin, spin lent by the rider's rotor, energy supplied so far, time and number of
         rebounds. Where there is a profile, 30 entries more: x, y and whether it is there of each of two vertices behind

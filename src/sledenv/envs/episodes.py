@@ -17,10 +17,11 @@ from sledenv.envs.info import checked_info, context_info, episode_info, launch_i
 from sledenv.envs.inputs import Given, read_options
 from sledenv.envs.task import Task
 from sledenv.envs.viewer import Viewer, checked_render_mode
+from sledenv.simulation.jam import SHARE_OF_PROGRESS
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.ride import RideBatch
-from sledenv.simulation.scene import State
+from sledenv.simulation.scenes import Scenes
+from sledenv.simulation.simulator import Simulator
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
@@ -64,7 +65,7 @@ class Episodes(ABC):
     observation_names: tuple[str, ...]
     action_names: tuple[str, ...]
     # Attributes that make up a snapshot.
-    _state: ClassVar = ("contexts", "launches", "trims", "paid", "seen", "steps", "ended", "seeds", "rides", "pasts")
+    _state: ClassVar = ("lanes", "trims", "paid", "seen", "steps", "ended", "seeds", "pasts")
 
     def __init__(
         self, task: Task, lanes: int, info: Sequence[str], render_mode: str | None, most_steps: int | None = None
@@ -78,24 +79,22 @@ class Episodes(ABC):
         self.generators: list[np.random.Generator | None] = [None] * lanes  # all that is drawn comes from them
         self.seeds: list[int | None] = [None] * lanes
         self.begun = False  # before the first reset
-        self.contexts = np.full((lanes, task.columns), np.nan)
-        self.launches = np.zeros((lanes, len(State._fields)))  # with which the lanes were let go last
+        self.lanes: Simulator | None = None  # once the first episodes have begun
         self.trims = np.zeros(lanes)  # [rad/s] lent in the last step
         self.paid = np.zeros(lanes)  # rewards since the reset
         self.seen = np.zeros((lanes, *self.observation_space.shape), np.float32)  # observations
         self.steps = np.zeros(lanes, np.int64)  # since the reset
         self.ended = np.zeros(lanes, np.bool_)  # waits for a reset
-        self.rides: RideBatch | None = None  # once lanes have been launched, flight by flight
         shown = lanes if render_mode is not None or lanes == 1 else 0
         self.viewers = [Viewer(task, render_mode, by_hops=self.by_hops) for _ in range(shown)]
 
     @abstractmethod
-    def _enter(self, lanes: Lanes) -> dict[str, Any]:
-        """Begin in the contexts of some lanes, renew what is seen of them, and return info of it."""
+    def _begun(self, lanes: Lanes) -> None:
+        """Go on to where the first decision of episodes is."""
 
     @abstractmethod
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
-        """Advance lanes by one step each, renew what is seen of them, and return their descents so far."""
+        """Advance lanes by one step each, and return their descents so far."""
 
     def seed(self, lanes: Lanes, seeds: Sequence[int | None]) -> None:
         """Start streams anew where there is a seed, and from fresh entropy where there was none before."""
@@ -107,30 +106,50 @@ class Episodes(ABC):
         """Begin an episode in lanes, in contexts of which something may be given, and return its info."""
         if given is None:
             given = read_options(None, self.task.split, len(lanes))
-        contexts = self.task.begin(given, lambda drawn: self._draw(lanes[drawn]))
+        scenes = self.task.begin(given, lambda drawn: self._draw(lanes[drawn]))
+        if self.lanes is None:  # of all lanes
+            self.lanes = self.task.simulator(scenes, keep_rebounds=self.by_hops and "rebounds" in self.info_keys)
+        else:
+            self.lanes.launch(lanes, scenes)
         self.begun = True
-        self.contexts[lanes] = contexts
         self.steps[lanes], self.trims[lanes], self.paid[lanes] = 0, 0.0, 0.0
         self.ended[lanes] = False
-        info = self._enter(lanes)
-        for i in lanes.tolist() if self.viewers else ():
-            self.viewers[i].enter(self.contexts[i : i + 1])
-        return {"context": context_info(contexts)} | info if "context" in self.info_keys else info
+        self._begun(lanes)
+        self._look(lanes)
+        for k, i in enumerate(lanes.tolist() if self.viewers else ()):
+            self.viewers[i].enter(scenes.take(np.array([k])))
+        info: dict[str, Any] = {}
+        if "context" in self.info_keys:
+            info["context"] = context_info(scenes.drawn)
+        if self.by_hops and "launch" in self.info_keys:
+            info["launch"] = launch_info(scenes.launches)
+        return info
+
+    def _scenes(self, lanes: Lanes) -> Scenes:
+        """Return the scenes of lanes."""
+        assert self.lanes is not None
+        return self.lanes.scenes if len(lanes) == len(self.steps) else self.lanes.scenes.take(lanes)
+
+    def _look(self, lanes: Lanes) -> None:
+        """Renew what is seen of lanes."""
+        assert self.lanes is not None
+        flights = self.lanes.flights if len(lanes) == len(self.steps) else self.lanes.flights.take(lanes)
+        self.seen[lanes] = self.task.observe(self._scenes(lanes), flights)
 
     def step(self, lanes: Lanes, actions: Floats) -> Step:
         """Advance lanes by one step each, with actions that have been checked, a row a lane."""
         batch = self._advance(lanes, actions)
         terminated = batch.outcomes["status"] != RUNNING
-        earned = np.where(terminated, batch.jam.reward, 0.5 * batch.jam.progress)
+        earned = np.where(terminated, batch.jam.reward, SHARE_OF_PROGRESS * batch.jam.progress)
         rewards = earned - self.paid[lanes]
         self.paid[lanes] = earned
         self.steps[lanes] += 1
         truncated = self.steps[lanes] >= (math.inf if self.most_steps is None else self.most_steps)
         self.ended[lanes] = terminated | truncated
-        for i in lanes.tolist() if self.viewers else ():
-            self.viewers[i].step(self.launches[i], float(self.trims[i]))
-        info = episode_info(self.contexts[lanes], self.launches[lanes], batch, self.info_keys)
-        return Step(rewards, terminated, truncated, info)
+        scenes = self._scenes(lanes)
+        for k, i in enumerate(lanes.tolist() if self.viewers else ()):
+            self.viewers[i].step(scenes.take(np.array([k])), float(self.trims[i]))
+        return Step(rewards, terminated, truncated, episode_info(scenes, batch, self.info_keys))
 
     def snapshot(self, environment: dict[str, Any]) -> Snapshot:
         """Return where all lanes stand, and what of an environment another must have in common to go on from there."""
@@ -154,8 +173,9 @@ class Episodes(ABC):
 
     @pasts.setter
     def pasts(self, pasts: list[Any]) -> None:
+        assert self.lanes is not None  # of the same snapshot
         for i, (viewer, past) in enumerate(zip(self.viewers, pasts, strict=False)):
-            viewer.enter(self.contexts[i : i + 1], past)
+            viewer.enter(self.lanes.scenes.take(np.array([i])), past)
 
     def _draw(self, lanes: Lanes) -> Floats:
         generators: list[Any] = self.generators  # seeded before
@@ -186,14 +206,14 @@ class LaunchEpisodes(Episodes):
 
     by_hops = False
 
-    def _enter(self, lanes: Lanes) -> dict[str, Any]:
-        self.seen[lanes] = self.task.observe(self.contexts[lanes])
-        return {}
+    def _begun(self, lanes: Lanes) -> None:
+        pass  # the launch itself is the decision
 
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
-        contexts = self.contexts[lanes]
-        launches = self.launches[lanes] = self.task.launches(contexts, actions)
-        return self.task.descend_batch(contexts, launches, keep_rebounds="rebounds" in self.info_keys)
+        assert self.lanes is not None
+        scenes = self.task.aimed(self._scenes(lanes), actions)
+        self.lanes.scenes = self.lanes.scenes.put(lanes, scenes)
+        return self.task.descend(scenes, keep_rebounds="rebounds" in self.info_keys)
 
 
 class DescentEpisodes(Episodes):
@@ -201,24 +221,14 @@ class DescentEpisodes(Episodes):
 
     by_hops = True
 
-    def _enter(self, lanes: Lanes) -> dict[str, Any]:
-        task, contexts = self.task, self.contexts[lanes]
-        launches = self.launches[lanes] = task.launches(contexts)
-        if self.rides is None:  # of all lanes
-            self.rides = task.rides(contexts, keep_rebounds="rebounds" in self.info_keys)
-        else:
-            laws, slopes = task.scenario.laws(contexts), task.scenario.slopes(contexts)
-            self.rides.launch(lanes, laws, slopes, launches, task.bodies_of(contexts))
-        self.rides.await_flights(lanes)
-        self.seen[lanes] = task.observe(contexts, self.rides.outcomes(lanes), ground=self.rides.ground(lanes))
-        return {"launch": launch_info(launches)} if "launch" in self.info_keys else {}
+    def _begun(self, lanes: Lanes) -> None:
+        assert self.lanes is not None
+        self.lanes.wait(lanes)
 
     def _advance(self, lanes: Lanes, actions: Floats) -> DescentBatch:
-        rides, contexts = self.rides, self.contexts[lanes]
-        assert rides is not None
+        assert self.lanes is not None
         self.trims[:] = 0.0
-        self.trims[lanes] = self.task.spins(contexts, actions, self.steps[lanes])
-        rides.hop(self.trims)  # the other lanes have ended
-        batch = rides.descents(lanes if len(lanes) < len(self.steps) else None)
-        self.seen[lanes] = self.task.observe(contexts, batch.outcomes, ground=rides.ground(lanes))
-        return batch
+        self.trims[lanes] = self.task.spins(self._scenes(lanes), actions, self.steps[lanes])
+        self.lanes.hop(self.trims)  # the other lanes have ended
+        self._look(lanes)
+        return self.lanes.descents(lanes if len(lanes) < len(self.steps) else None)

@@ -13,6 +13,7 @@ from sledenv.scenarios.scenario import Context
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import FINISH, LEDGER_FIELDS, REBOUND
 from sledenv.simulation.scene import State
+from sledenv.simulation.scenes import Scenes
 
 INFO_KEYS: Final = ("context", "launch", "rebounds", "jam", "is_success", "descent")
 
@@ -53,16 +54,13 @@ def _split(values: list[float], ends: list[int]) -> np.ndarray:
     return lists
 
 
-def episode_info(
-    contexts: Contexts, launches: NDArray[np.float64], batch: DescentBatch, keys: Iterable[str] = INFO_KEYS
-) -> dict[str, Any]:
+def episode_info(scenes: Scenes, batch: DescentBatch, keys: Iterable[str] = INFO_KEYS) -> dict[str, Any]:
     """Everything about descents that an agent may not see but its user wants to.
 
     Parameters
     ----------
-    contexts : ndarray, shape (n, 12)
-    launches : ndarray, shape (n, 6)
-        Columns as in :class:`sledenv.State`, launch noise included.
+    scenes : Scenes
+        Of n lanes, launched as they were, launch noise included.
     batch : DescentBatch
         Of n descents; with their logs, if "rebounds" is among the keys.
     keys : iterable of str
@@ -79,9 +77,9 @@ def episode_info(
     for key in keys:
         match key:
             case "context":
-                info[key] = context_info(contexts)
+                info[key] = context_info(scenes.drawn)
             case "launch":
-                info[key] = launch_info(launches)
+                info[key] = launch_info(scenes.launches)
             case "rebounds":
                 info[key] = _lists(batch)
             case "jam":

@@ -64,10 +64,13 @@ def checked_actions(
         If they have another shape or other columns, or naming the first that is not a number or lies outside the box.
     """
     shape = space.shape if lanes is None else (lanes, *space.shape)
-    try:
-        given = _table("actions", actions, names, [shape], "have")
-    except (TypeError, ValueError) as error:
-        raise InvalidAction(str(error)) from error
+    if type(actions) is np.ndarray and actions.shape == shape and actions.dtype.kind == "f":  # as of every network
+        given = actions.astype(np.float64).reshape(-1, shape[-1])
+    else:
+        try:
+            given = _table("actions", actions, names, [shape], "have")
+        except (TypeError, ValueError) as error:
+            raise InvalidAction(str(error)) from error
     within: NDArray[np.float64] = np.minimum(np.maximum(given, space.low), space.high)
     fine = np.abs(within - given) <= _SLACK  # NaN is not
     if not fine[acting].all():

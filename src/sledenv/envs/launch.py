@@ -31,7 +31,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         ``Box(-1, 1, (11,), float32)``: slope angle, friction, restitution, speed, drop, fall, orientation, spin, begin
         and friction of the zone that is drawn, and number of the body of the context, scaled by the ranges of the
         scenario. What does not vary, what ``observe`` leaves out and what the agent controls reads 0. Where there is a
-        profile, 24 entries more: x, y and whether it is there of each of the first eight vertices.
+        profile, 24 entries more: x, y and whether it is there of each of the first eight vertices, and its radius where
+        any is rounded.
     Action
         ``Box(-1, 1, (k,), float32)``: what ``control`` names of the launch, scaled to the control bounds.
     Reward

@@ -1,6 +1,6 @@
-"""What every environment shares: contexts, their observation, launch of an action, the spins that riders lend.
+"""What every environment shares: scenes, their observation, launch of an action, the spins that riders lend.
 
-Contexts, observations, actions and launches are arrays with one row a lane; the scalar environments have one lane.
+Scenes, observations, actions and flights have one row a lane; the scalar environments have one lane.
 """
 
 from __future__ import annotations
@@ -9,57 +9,36 @@ import inspect
 import math
 import os
 from collections.abc import Callable, Iterable, Sequence
-from operator import attrgetter
-from typing import Any, Final, Literal, NamedTuple, TypedDict, get_args
+from typing import Any, Final, Literal, TypedDict, get_args
 
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from sledenv.envs.columns import GROUPS, USUAL, Columns
 from sledenv.envs.inputs import FIELDS, SEEN, Contexts, Given
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from sledenv.scenarios.tracks import normal_pairs
-from sledenv.simulation.bodies import Body, Segment, records_of
-from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.bodies import Body, Segment
+from sledenv.simulation.checks import limits_of
+from sledenv.simulation.grounds import Grounds
+from sledenv.simulation.lanes import NO_LOGS, new_logs
 from sledenv.simulation.outcomes import Descent, DescentBatch, Record
-from sledenv.simulation.outlook import AHEAD, BEHIND, LANDING, PLACES, VERTEX, Ground, ground_of, look_out
-from sledenv.simulation.records import OUTCOME, REBOUND, Status
-from sledenv.simulation.ride import Ride, RideBatch
+from sledenv.simulation.outlook import AHEAD
+from sledenv.simulation.records import Status
+from sledenv.simulation.ride import Ride
 from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
-from sledenv.simulation.scene import ContactLaw, Profile, Slope, State, Tracks
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
-from sledenv.simulation.simulate import simulate, simulate_batch
-from sledenv.simulation.support import directions, resting_heights, support_heights
+from sledenv.simulation.simulate import simulate
+from sledenv.simulation.simulator import Simulator, at_launch
+from sledenv.simulation.support import support_heights
 
-# What is told of a flight that begins, and of each vertex of the ground around.
-FLIGHT: Final = (
-    *("left", "height", "sine", "cosine", "u", "v", "omega"),
-    *("trim", "supplied", "time", "rebounds"),
-)
-# Groups of columns of an observation, and those that an environment tells unless it is asked for others.
-GROUPS: Final = ("context", "state", "ground", "landing")
-USUAL: Final = GROUPS[:3]
-# By which landings are scaled, s, m, rad, m/s, m/s, rad and rad/s: so that entries vary by 0.1 to 0.7 (their standard
-# deviation over rides of the shipped scenarios with random trims). Then angles [rad] of the ground there, and its
-# heights by these parts of the height of the bumps, the further away the more.
-_LANDING: Final = (1.28, 10.0, 0.35, 6.0, 12.0, 3.0, 10.0)
-_RISE: Final = 0.4
-_HEIGHTS: Final = 0.2 + 0.2 * np.minimum(np.abs(PLACES), 4.0)
 TRIM: Final = "trim"  # the control of a ride
 
-_DISTURBED = [Context._fields.index(name) for name in NOISY]
 _SHAPE = Context._fields.index("shape")
 _RARE = 4.0  # standard deviations by which what a rider lends is seen to miss what was asked for
-
-
-class Seen(NamedTuple):
-    """Where rides stand, as far as it is seen."""
-
-    states: NDArray[np.float64]  # (n, 6), columns as in State; y counts from the ground under the mass centre
-    lent: NDArray[np.float64]  # [rad/s] spin that the rider's rotor lends to the body, (n,)
-    supplied: NDArray[np.float64]  # [J] energy so far, (n,)
-    profiles: list[Profile]  # ground of each, or of none on a plane
 
 
 class TaskOptions(TypedDict, total=False):
@@ -127,8 +106,8 @@ class Task:
         How descents are simulated, those of the scenario with the solver of the task.
     draws : int
         Doubles that the context and the launch noise of one episode take from a random stream.
-    columns : int
-        Of contexts with their launch noise.
+    columns : Columns
+        Of an observation.
     observation_space, action_space : Box
         Behind the context a ride tells the flight, and whatever has a profile the vertices around.
     observation_names, action_names : tuple of str
@@ -181,48 +160,28 @@ class Task:
         self.control = next(word for word, names in words.items() if names == self.controlled)
         self.solver = solver
         self.split = split
-        errors = len(NOISY) * bool(self.noise.any())
-        self.draws, self.columns = self.scenario.draws + errors, FIELDS + errors
+        self.draws = self.scenario.draws + len(NOISY) * bool(self.noise.any())
         self.bodies = self.scenario.all_bodies()
         self.settings = self.scenario.settings(solver)
         self._context_low, self._context_high = self.scenario.ranges
         self._chosen = [Context._fields.index(name) for name in self.controlled]
-        self._width = self._context_high - self._context_low
-        self._width[self._chosen] = 0.0  # as if it did not vary
+        width = self._context_high - self._context_low
+        width[self._chosen] = 0.0  # as if it did not vary
         self.observed = _observed(observe)
         shown = np.isin(Context._fields, self.observed)
-        self.varies: NDArray[np.bool_] = ((self._width > 0.0) & shown)[:SEEN]
-        self.hidden: NDArray[np.bool_] = (self._width > 0.0) & ~shown & (np.arange(FIELDS) < SEEN)
-        self._divisor = np.where(self.varies, self._width[:SEEN], 1.0)
+        self.varies: NDArray[np.bool_] = ((width > 0.0) & shown)[:SEEN]
+        self.hidden: NDArray[np.bool_] = (width > 0.0) & ~shown & (np.arange(FIELDS) < SEEN)
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).reshape(-1, 2).T
-        self._way = self.scenario.slope_section.length_m + self.settings.run_out  # [m]
-        self._reach, self._relief = self.scenario.extent
-        self._speed, self._spin = self._scales(bounds)
-        self._height = self._context_high[Context._fields.index("drop")] + 2.0 * max(map(highest_support, self.bodies))
-        self._height += self._relief
         rider = self.scenario.rider
         self._lent = 1.0 if rider is None else rider.trim_rad_s + _RARE * rider.noise_rad_s
-        self._rotor = None if rider is None else rider.rotor_inertia_kg_m2
         self._shortest = 0.0 if rider is None else rider.shortest_flight_s
-        self.groups = _grouped(columns, ride)
-        # Of which of the vertices around an agent is told.
-        self._told = slice(0 if ride else BEHIND, BEHIND + AHEAD if self._reach > 0.0 else 0)
-        self._vertices = len(range(BEHIND + AHEAD)[self._told])
-        places = [*(f"behind_{i}" for i in range(BEHIND, 0, -1)), *(f"ahead_{i}" for i in range(1, AHEAD + 1))]
-        names = {
-            "context": Context.seen,
-            "state": FLIGHT if ride else (),
-            "ground": tuple(f"{place}_{entry}" for place in places[self._told] for entry in VERTEX),
-            "landing": (
-                *(f"landing_{entry}" for entry in LANDING),
-                *(f"landing_{entry}_{place:+g}" for entry in ("height", "rise") for place in PLACES),
-            ),
-        }
-        self._landing = np.array([*_LANDING, *(_HEIGHTS * (self._relief or 1.0)), *[_RISE] * len(PLACES)])
-        self._lying = np.array([support_heights(body, np.zeros(1))[0] for body in self.bodies])
-        self.observation_names = tuple(name for group in self.groups for name in names[group])
+        self._limits = limits_of(self.bodies, self.settings)._replace(shortest_flight=self._shortest)
+        speed, groups = self._fastest(bounds), _grouped(columns, ride)
+        self.columns = Columns(groups, self.scenario, ride=ride, speed=speed, lent=self._lent, varies=self.varies)
+        self.groups, self.observation_names = self.columns.groups, self.columns.names
         self.action_names = (TRIM,) if ride else self.controlled
-        self.observation_space = spaces.Box(-1.0, 1.0, (len(self.observation_names),), np.float32)
+        bound = self.columns.bound.astype(np.float32)
+        self.observation_space = spaces.Box(-bound, bound)
         self.action_space = spaces.Box(-1.0, 1.0, (len(self.action_names),), np.float32)
 
     @property
@@ -237,8 +196,8 @@ class Task:
             "columns": self.groups,
         }
 
-    def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Contexts:
-        """Return the contexts of new episodes.
+    def begin(self, given: Given, draw: Callable[[NDArray[np.intp]], NDArray[np.float64]]) -> Scenes:
+        """Return the scenes of new episodes.
 
         Parameters
         ----------
@@ -248,18 +207,16 @@ class Task:
             Returns the doubles in [0, 1) of episodes whose numbers it is given, shape (len(numbers), draws). It is not
             asked for an episode of which nothing is left to be drawn: its random stream stays where it is.
         """
-        contexts = given.fixed.copy()
+        contexts, errors, own = given.fixed.copy(), np.zeros((len(given.fixed), len(NOISY))), self.scenario.draws
         left = np.isnan(contexts)
-        own = self.scenario.draws
-        drawn = np.flatnonzero(left.any(axis=1) | (self.draws > own))
-        if not drawn.size:
-            return contexts
-        draws = draw(drawn)
-        contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :own], given.of(drawn).split), contexts[drawn])
-        if self.draws == own:
-            return contexts
-        errors = np.stack(normal_pairs(draws[:, own], draws[:, own + 1]), axis=-1)
-        return np.hstack([contexts, self.noise * errors])
+        noisy = self.draws > own
+        drawn = np.flatnonzero(left.any(axis=1) | noisy)
+        if drawn.size:
+            draws = draw(drawn)
+            contexts[drawn] = np.where(left[drawn], self._drawn(draws[:, :own], given.of(drawn).split), contexts[drawn])
+            if noisy:
+                errors[drawn] = self.noise * np.stack(normal_pairs(draws[:, own], draws[:, own + 1]), axis=-1)
+        return self.scenario.scenes(contexts, errors)
 
     def _drawn(self, draws: NDArray[np.float64], split: Split | tuple[Split | None, ...] | None) -> Contexts:
         """Return the contexts that doubles mean, all of one split or each of its own."""
@@ -275,92 +232,61 @@ class Task:
         """Raise ValueError if episodes are to begin with what the scenario cannot have: :meth:`Scenario.check`."""
         self.scenario.check(given.fixed)
 
-    @staticmethod
-    def context(contexts: Contexts) -> Context:
-        """Return the first of contexts."""
-        return Context(*contexts[0, :FIELDS].tolist())
-
-    def body(self, contexts: Contexts) -> Body:
-        """Return the body of the first of contexts."""
-        return self.bodies[int(self.scenario.shapes(contexts[:1])[0])]
-
-    def bodies_of(self, contexts: Contexts) -> Body | list[Body]:
-        """Return the body of all contexts if the scenario has but one, or one a context."""
-        shapes = self.scenario.shapes(contexts).tolist()
-        return self.bodies[0] if len(self.bodies) == 1 else [self.bodies[i] for i in shapes]
-
-    def by_body(self, contexts: Contexts) -> list[tuple[Body, slice | NDArray[np.intp]]]:
-        """Return bodies, each with the rows of the contexts that have it: what a body is takes kilobytes a row."""
-        shapes = self.scenario.shapes(contexts)
-        rows = [np.flatnonzero(shapes == i) for i in range(len(self.bodies))]
-        found = [i for i, own in enumerate(rows) if own.size]
-        if len(found) < 2:
-            return [(self.bodies[found[0] if found else 0], slice(None))]
-        return [(self.bodies[i], rows[i]) for i in found]
-
-    def of_bodies(self, contexts: Contexts, quantity: Callable[[Body], float]) -> NDArray[np.float64]:
-        """Return a quantity of the body of each context, shape (n,)."""
-        return np.array([quantity(body) for body in self.bodies])[self.scenario.shapes(contexts)]
+    def scenes(self, contexts: Contexts) -> Scenes:
+        """Return the scenes of contexts of shape (n, 12), or (n, 14) with errors of the launch."""
+        return self.scenario.scenes(contexts[:, :FIELDS], contexts[:, FIELDS:] if contexts.shape[1] > FIELDS else None)
 
     def support_heights(self, contexts: Contexts, phi: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the support height [m] of the body of each context at an orientation [rad], shapes (n,)."""
-        heights = np.empty(len(contexts))
-        for body, rows in self.by_body(contexts):
-            heights[rows] = support_heights(body, phi[rows])
-        return heights
+        return support_heights(self.scenario.outlines, phi, contexts[:, _SHAPE])
+
+    @staticmethod
+    def context(scenes: Scenes) -> Context:
+        """Return the context of the first lane."""
+        return Context(*scenes.drawn[0, :FIELDS].tolist())
+
+    def body(self, scenes: Scenes) -> Body:
+        """Return the body of the first lane."""
+        return self.bodies[int(scenes.rows["body"][0])]
 
     def observe(
-        self,
-        contexts: Contexts,
-        flights: np.ndarray | None = None,
-        elsewhere: Scenario | None = None,
-        ground: Ground | None = None,
+        self, scenes: Scenes, flights: np.ndarray | None = None, *, bounded: bool = True
     ) -> NDArray[np.float32]:
-        """Return what agents see, float32 in [-1, 1], shape (n, len(observation_names)).
+        """Return what agents see, float32 within the bounds of the space, shape (n, len(observation_names)).
 
         Contexts are scaled by the ranges of the scenario. What does not vary, what is not observed and what the agent
         controls reads 0; the track is left out, but the vertices around are told where there is a profile.
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 12) or (n, 14)
+        scenes : Scenes
+            Of n lanes.
         flights : ndarray of OUTCOME, shape (n,)
-            Where the descents of a ride stand.
-        elsewhere : Scenario, optional
-            To which contexts and flights belong, if not to this one, see :meth:`Scenario.shifted`: what is seen is
-            scaled as here, and may lie outside [-1, 1].
-        ground : pair of ndarray, optional
-            As of :func:`sledenv.simulation.outlook.ground_of`; that of the contexts by default. Who has only seen
-            contexts does not know their tracks.
+            Where descents stand; at their launches by default.
+        bounded : bool
+            Whether what lies outside the bounds is put onto them; of a scenario other than this one
+            (:meth:`Scenario.shifted`) it may lie outside.
         """
-        scenario = elsewhere or self.scenario
-        parts = {"context": self._centred(contexts)} if "context" in self.groups else {}
-        if flights is None:
-            flights = np.zeros(len(contexts), OUTCOME)
-        if self._reach > 0.0 or self.groups != GROUPS[:1]:
-            ahead = "landing" in self.groups
-            seen = look_out(
-                ground_of(scenario.vertices(contexts)) if ground is None else ground,
-                flights,
-                contexts[:, 0] if ahead else None,
-                scenario.slope_section.gravity_m_s2,
-                self._lying[self.scenario.shapes(contexts)] if ahead else None,
-            )
-            if "state" in self.groups:
-                parts["state"] = self._scaled(contexts, flights, seen.under)
-            if "ground" in self.groups and self._reach > 0.0:
-                blocks = seen.around[:, self._told] / (self._reach, self._relief, 1.0)
-                parts["ground"] = blocks.reshape(len(contexts), -1)
-            if ahead:
-                parts["landing"] = seen.landings / self._landing
-        scaled = np.hstack([parts[group] for group in self.groups if group in parts])
-        scaled[np.isnan(scaled)] = 0.0  # a descent that overflowed has ended, but must still be seen
-        return np.asarray(np.minimum(np.maximum(scaled, -1.0), 1.0) if elsewhere is None else scaled, np.float32)
+        seen = self.columns.fill(scenes, at_launch(scenes) if flights is None else flights)
+        seen[np.isnan(seen)] = 0.0  # a descent that overflowed has ended, but must still be seen
+        bound = self.columns.bound
+        return np.asarray(np.minimum(np.maximum(seen, -bound), bound) if bounded else seen, np.float32)
 
-    def _centred(self, contexts: Contexts) -> NDArray[np.float64]:
-        """Scale the fields of contexts that agents may see, shape (n, 11)."""
-        centred = 2.0 * (contexts[:, :SEEN] - self._context_low[:SEEN]) / self._divisor - 1.0
-        return np.where(self.varies, centred, 0.0)
+    def masked(self, scenes: Scenes, flights: np.ndarray | None = None) -> Scenes:
+        """Return scenes as far as they are seen where flights begin, at their launches by default.
+
+        Hidden fields are in the middle of their ranges, the errors of launch and rider are none, the track has the
+        number 0, and the ground behind the last vertex that is told counts as level.
+        """
+        drawn = scenes.drawn.copy()
+        drawn[:, :FIELDS][:, self.hidden] = 0.5 * (self._context_low + self._context_high)[self.hidden]
+        drawn[:, _SHAPE] = np.floor(drawn[:, _SHAPE])
+        drawn[:, FIELDS - 1 :] = 0.0
+        known = self.scenes(drawn)
+        x = np.zeros(len(drawn)) if flights is None else flights["x"]
+        ground = Grounds.of([_told(*each) for each in zip(scenes.grounds(), x.tolist(), strict=True)])
+        known.rows["ground"], known.rows["ground_end"] = ground.places.T
+        return known._replace(pieces=ground.pieces)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
         """Return the contexts behind observations, up to the rounding of float32.
@@ -373,183 +299,110 @@ class Task:
         ValueError
             If observations have no context.
         """
-        self._need("context")
-        scaled = np.zeros((len(observations), FIELDS))
-        scaled[:, :SEEN] = 0.5 * (observations[:, :SEEN].astype(np.float64) + 1.0)
-        contexts = np.clip(self._context_low + scaled * self._width, self._context_low, self._context_high)
+        if "context" not in self.groups:
+            raise ValueError(f"columns = {self.groups!r}: must have 'context' where that is read from observations")
+        contexts = np.tile(0.5 * (self._context_low + self._context_high), (len(observations), 1))
+        contexts[:, FIELDS - 1] = self._context_low[-1]
+        told = (observations[:, :SEEN] * self.columns.scale[:SEEN] + self.columns.middle[:SEEN])[:, self.varies]
+        contexts[:, :SEEN][:, self.varies] = told
+        contexts = np.clip(contexts, self._context_low, self._context_high)
         contexts[:, _SHAPE] = np.rint(contexts[:, _SHAPE])
         contexts[:, self._chosen] = np.nan
         return contexts
 
-    def _scaled(self, contexts: Contexts, flights: np.ndarray, ground: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Scale where descents stand, over ground of a height [m], shape (n, 11), columns ``FLIGHT``."""
-        cosine, sine = directions(flights["phi"])
-        limits = self.scenario.limits
-        columns = (
-            1.0 - flights["x"] / self._way,
-            (flights["y"] - ground) / self._height,
-            sine,
-            cosine,
-            flights["u"] / self._speed,
-            flights["v"] / self._speed,
-            flights["omega"] / self._spin,
-            flights["trim"] / self._lent,
-            flights["supplied"] / self._energies(contexts),
-            flights["t"] / limits.max_time_s,
-            flights["rebounds"] / limits.max_rebounds,
-        )
-        return np.stack(columns, axis=-1)
-
-    def _energies(self, contexts: Contexts) -> NDArray[np.float64]:
-        """Return the energies [J] by which those supplied are scaled, shape (n,): twice those of launches at most."""
-        return self._speed * self._speed * self.of_bodies(contexts, attrgetter("mass"))
-
-    def flights_seen(self, observations: NDArray[np.float32]) -> Seen:
-        """Return where rides stand, from what is seen of them, up to the rounding of float32.
-
-        Heights count from the ground under the mass centre. The ground is level with the plane before the first vertex
-        that is seen and behind the last one, and a body that would not be clear of it is lifted.
-
-        Raises
-        ------
-        ValueError
-            If observations have no context, state or ground.
-        """
-        self._need(*USUAL)
-        block = observations[:, SEEN : SEEN + len(FLIGHT) + len(VERTEX) * self._vertices].astype(np.float64)
-        left, height, sine, cosine, u, v, omega, trim, supplied, *_ = block[:, : len(FLIGHT)].T
-        contexts = self.contexts_seen(observations)
-        x, phi = (1.0 - left) * self._way, np.arctan2(sine, cosine)
-        around = block[:, len(FLIGHT) :].reshape(len(block), -1, len(VERTEX))
-        profiles: list[Profile] = [
-            tuple(
-                (at + self._reach * ahead, self._relief * y, 0.0)
-                for ahead, y, there in row
-                if there and abs(ahead) < 1.0
-            )
-            for at, row in zip(x.tolist(), around.tolist(), strict=True)
-        ]
-        profiles = [profile if len(profile) > 1 else () for profile in profiles]
-        # A body has just taken off: not even rounding must press it in.
-        records = records_of(self.bodies_of(contexts), len(x))
-        lowest = resting_heights(records, x, phi, Tracks.of(profiles))
-        y = np.maximum(height * self._height, lowest)
-        states = np.stack([x, y, phi, u * self._speed, v * self._speed, omega * self._spin], axis=-1)
-        return Seen(states, trim * self._lent, supplied * self._energies(contexts), profiles)
-
-    def _need(self, *groups: str) -> None:
-        """Raise ValueError unless observations have some groups of columns."""
-        for group in groups:
-            if group not in self.groups:
-                raise ValueError(f"columns = {self.groups!r}: must have {group!r} where that is read from observations")
-
-    def _scales(self, bounds: dict[str, NDArray[np.float64]]) -> tuple[float, float]:
-        """Speed [m/s] and spin [rad/s] of a body that has all energy that the scenario can supply to a launch.
-
-        Of several bodies they are the largest.
-        """
+    def _fastest(self, bounds: dict[str, NDArray[np.float64]]) -> float:
+        """Speed [m/s] of a body that has all energy which the scenario can supply to a launch, the largest of all."""
         most = np.maximum(np.abs(self._context_low), np.abs(self._context_high))
         for name, pair in bounds.items():
             i = Context._fields.index(name)
             most[i] = max(most[i], *np.abs(pair))
         _, _, _, speed, drop, fall, _, spin, *_ = most.tolist()
-        below, gravity = self._way * max(0.0, np.sin(self._context_high[0])), self.scenario.slope_section.gravity_m_s2
-        below += self._relief
-        scales = []
+        section = self.scenario.slope_section
+        below = (section.length_m + self.settings.run_out) * max(0.0, np.sin(self._context_high[0]))
+        below += self.scenario.extent[1]
+        speeds = []
         for body in self.bodies:
             height = drop + highest_support(body) + below
-            gyration = body.inertia / body.mass  # [m^2]
-            square = speed * speed + fall * fall + gyration * spin * spin + 2.0 * gravity * height
+            square = speed * speed + fall * fall + body.inertia / body.mass * spin * spin
+            square += 2.0 * section.gravity_m_s2 * height
             if not 0.0 <= square < math.inf:
                 at_most = f"speed {speed:g} m/s, fall {fall:g} m/s, spin {spin:g} rad/s, drop {drop:g} m"
                 raise ScenarioError(f"scenario {self.scenario.id}: its launches have no finite energy: {at_most}")
-            fastest = math.sqrt(square) or 1.0
-            scales.append((fastest, fastest / float(np.sqrt(gyration))))
-        speeds, spins = zip(*scales, strict=True)
-        return max(speeds), max(spins)
+            speeds.append(math.sqrt(square) or 1.0)
+        return max(speeds)
 
     def chosen(self, contexts: Contexts, actions: NDArray[np.float64]) -> Contexts:
-        """Return contexts, shape (n, 12), with what actions of shape (n, k) choose in its place, without noise."""
-        chosen = contexts[:, :FIELDS].copy()
+        """Return contexts, shape (n, 12) or (n, 14), with what actions of shape (n, k) choose in its place."""
+        chosen = contexts.copy()
         chosen[:, self._chosen] = self._action_low + 0.5 * (actions + 1.0) * (self._action_high - self._action_low)
         return chosen
 
-    def launches(self, contexts: Contexts, actions: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
-        """Return the states at launch that actions ask for, shape (n, 6), columns as in :class:`sledenv.State`.
-
-        Without actions they are those that the contexts say.
+    def aimed(self, scenes: Scenes, actions: NDArray[np.float64]) -> Scenes:
+        """Return scenes with the launches that actions ask for, their errors included.
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 12) or (n, 14)
+        scenes : Scenes
+            Of n lanes.
         actions : ndarray, shape (n, k)
             Out of :func:`sledenv.envs.inputs.checked_actions`, scaled to the control bounds of the scenario: a column
             for each of ``controlled``.
         """
-        chosen = contexts[:, :FIELDS].copy() if actions is None else self.chosen(contexts, actions)
-        if contexts.shape[1] > FIELDS:
-            chosen[:, _DISTURBED] += contexts[:, FIELDS:]
-        launches = np.empty((len(chosen), len(State._fields)))
-        for body, rows in self.by_body(chosen):
-            launches[rows] = self.scenario.launches(chosen[rows], body)
-        return launches
+        aimed = scenes._replace(rows=scenes.own_rows())
+        self.scenario.let_go(aimed, self.chosen(scenes.drawn, actions))
+        return aimed
 
-    def launch(self, contexts: Contexts, actions: NDArray[np.float64]) -> State:
-        """Return the state at launch of the first row of contexts and actions."""
-        return State(*self.launches(contexts[:1], actions[:1])[0].tolist())
+    def descend(self, scenes: Scenes, *, keep_rebounds: bool = False) -> DescentBatch:
+        """Simulate the descents of scenes to their ends, on all cores."""
+        simulator = self.simulator(scenes, keep_rebounds=keep_rebounds)
+        simulator.run()
+        return simulator.descents()
 
-    def descend(self, contexts: Contexts, launch: State, record: Record = "rebounds") -> Descent:
-        """Simulate the one descent of a launch in contexts with one row."""
-        return simulate(*self._scene(contexts), launch, self.settings, record=record)
+    def rides(self, scenes: Scenes) -> Simulator:
+        """Return the descents of scenes, each at its first flight worth a decision."""
+        simulator = self.simulator(scenes)
+        simulator.wait()
+        return simulator
 
-    def ride(self, contexts: Contexts, launch: State, record: Record = "rebounds") -> Ride:
-        """Return the descent that :meth:`descend` simulates at its launch, to be followed flight by flight."""
-        given = *self._scene(contexts), launch, self.settings
-        return Ride(*given, record=record, rotor_inertia=self._rotor, shortest_flight=self._shortest)
+    def simulator(self, scenes: Scenes, *, keep_rebounds: bool = False) -> Simulator:
+        """Return the descents of scenes at their launches."""
+        logs = new_logs(len(scenes.rows), self.settings.max_rebounds) if keep_rebounds else NO_LOGS
+        return Simulator(scenes, self.solver == "rigid", self._limits, logs)
 
-    def ridden(self, contexts: Contexts, trims: Sequence[float], record: Record = "rebounds") -> Descent:
-        """Return the ride of trims in [-1, 1], of one flight after the other, in contexts with one row.
+    def descent(self, scenes: Scenes, record: Record = "rebounds") -> Descent:
+        """Simulate the descent of the first lane."""
+        return simulate(*self.scenario.given_in(scenes), self.settings, record=record)
+
+    def ride(self, scenes: Scenes, record: Record = "rebounds") -> Ride:
+        """Return the descent of the first lane at its launch, to be followed flight by flight."""
+        rotor = None if self.scenario.rider is None else self.scenario.rider.rotor_inertia_kg_m2
+        given = *self.scenario.given_in(scenes), self.settings
+        return Ride(*given, record=record, rotor_inertia=rotor, shortest_flight=self._shortest)
+
+    def ridden(self, scenes: Scenes, trims: Sequence[float], record: Record = "rebounds") -> Descent:
+        """Return the ride of trims in [-1, 1], of one flight after the other, in the first lane.
 
         Flights behind the last of them are ridden with what it lends.
         """
-        ride = self.ride(contexts, State.found(self.launches(contexts)[0].tolist()), record)
+        ride, alone = self.ride(scenes, record), scenes.take(slice(1))
         if ride.status == Status.RUNNING:
             ride.await_flight()
         for decision, trim in enumerate(trims):
             if ride.status != Status.RUNNING:
                 break
-            (spin,) = self.spins(contexts, np.array([[trim]]), np.array([decision])).tolist()
-            if self._rotor is not None:
+            (spin,) = self.spins(alone, np.array([[trim]]), np.array([decision])).tolist()
+            if ride.rotor_inertia is not None:
                 ride.trim(spin)
             ride.hop()
         return ride.run()
 
-    def _scene(self, contexts: Contexts) -> tuple[Body, ContactLaw, Slope]:
-        """Return what the first row of contexts is a descent of."""
-        context = self.context(contexts)
-        return self.body(contexts), self.scenario.law(context), self.scenario.slope(context)
-
-    def descend_batch(
-        self, contexts: Contexts, launches: NDArray[np.float64], *, keep_rebounds: bool = False
-    ) -> DescentBatch:
-        """Simulate one descent a row, on all cores; row i equals :meth:`descend` of row i bit for bit."""
-        if len(contexts) == 1:  # which is checked in half the time
-            return self.descend(contexts, State.found(launches[0].tolist())).as_batch()
-        parts = []
-        for body, rows in self.by_body(contexts):
-            laws, slopes = self.scenario.laws(contexts[rows]), self.scenario.slopes(contexts[rows])
-            batch = simulate_batch(body, laws, slopes, launches[rows], self.settings, keep_rebounds=keep_rebounds)
-            parts.append((rows, batch))
-        return parts[0][1] if len(parts) == 1 else _joined(parts, len(contexts))
-
-    def spins(
-        self, contexts: Contexts, actions: NDArray[np.float64], decisions: NDArray[np.int64]
-    ) -> NDArray[np.float64]:
-        """Return the spins [rad/s] that riders lend in flights, errors of their contexts included; 0 without a rider.
+    def spins(self, scenes: Scenes, actions: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
+        """Return the spins [rad/s] that riders lend in flights, their errors included; 0 without a rider.
 
         Parameters
         ----------
-        contexts : ndarray, shape (n, 12) or (n, 14)
+        scenes : Scenes
+            Of n lanes.
         actions : ndarray, shape (n, 1)
             Trims in [-1, 1].
         decisions : ndarray of int, shape (n,)
@@ -557,33 +410,22 @@ class Task:
         """
         rider = self.scenario.rider
         if rider is None:
-            return np.zeros(len(contexts))
-        return rider.trim_rad_s * actions[:, 0] + self.scenario.errors(contexts, decisions)
-
-    def rides(self, contexts: Contexts, *, keep_rebounds: bool = False) -> RideBatch:
-        """Return the descents of contexts at their drawn launch, to be followed flight by flight."""
-        return RideBatch(
-            self.bodies_of(contexts),
-            self.scenario.laws(contexts),
-            self.scenario.slopes(contexts),
-            self.launches(contexts),
-            self.settings,
-            keep_rebounds=keep_rebounds,
-            rotor_inertia=self._rotor,
-            shortest_flight=self._shortest,
-        )
+            return np.zeros(len(actions))
+        asked: NDArray[np.float64] = rider.trim_rad_s * actions[:, 0]
+        return asked + self.scenario.errors(scenes.rows["stream"], decisions) if rider.noise_rad_s else asked
 
 
-def _joined(parts: Sequence[tuple[slice | NDArray[np.intp], DescentBatch]], count: int) -> DescentBatch:
-    """Return batches as one, each in the rows that are its own."""
-    _, first = parts[0]
-    outcomes, jam = np.empty(count, OUTCOME), np.empty((len(DescentJam._fields), count))
-    rebounds = np.empty((count if first.rebounds.size else 0, first.rebounds.shape[1]), REBOUND)
-    for rows, part in parts:
-        outcomes[rows], jam[:, rows] = part.outcomes, part.jam
-        if rebounds.size:
-            rebounds[rows] = part.rebounds
-    return DescentBatch(outcomes, rebounds, DescentJam(*jam))
+def _told(vertices: np.ndarray, x: float) -> NDArray[np.float64]:
+    """Return the vertices that are told at a place [m], of records with x, y and radius; shape (k, 3), the last sharp.
+
+    A last one without a turn is none.
+    """
+    last = int(np.searchsorted(vertices["x"], x, side="right")) + AHEAD
+    told = np.column_stack([vertices[name][:last] for name in ("x", "y", "radius")])
+    if len(told) < len(vertices):
+        told[-1, 2] = 0.0
+        told = told[:-1] if len(told) > 2 and told[-1, 1] == told[-2, 1] else told
+    return told
 
 
 def _grouped(columns: Sequence[str], ride: bool) -> tuple[str, ...]:

@@ -9,14 +9,13 @@ import numpy as np
 from gymnasium.core import RenderFrame
 from numpy.typing import NDArray
 
-from sledenv.envs.inputs import Contexts
 from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Task
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.rules import checked_choice
-from sledenv.simulation.scene import State
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.words import setting, story
 
 _FPS: Final = 30
@@ -43,7 +42,7 @@ def checked_render_mode(mode: str | None) -> str | None:
 class Past(NamedTuple):
     """What has happened in an episode."""
 
-    launch: State | None = None  # None while one is awaited
+    launched: bool = False  # False while a launch is awaited
     trims: tuple[float, ...] = ()  # [rad/s] of each step of a ride
     shown: float = -1.0  # [s] up to which the film has been shown, below 0 before the launch has been
 
@@ -67,24 +66,24 @@ class Viewer:
         self._by_hops = by_hops
         self._renderer: DescentRenderer | None = None
 
-    def enter(self, context: Contexts, past: Past | None = None) -> None:
-        """Turn to another episode, which begins in a context of one row, or goes on from a past."""
+    def enter(self, scenes: Scenes, past: Past | None = None) -> None:
+        """Turn to another episode, which begins in a scene, or goes on from a past."""
         self.past = past or Past()
-        self._context = context.copy()
+        self._scenes = scenes
         self._ride: Ride | None = None
         self._followed = 0  # trims
         if past is None:
             self._play()
 
-    def step(self, launch: NDArray[np.float64], trim: float) -> None:
-        """Take note of a step: of the launch, fields of State, and of the trim [rad/s] if a step is a flight."""
+    def step(self, scenes: Scenes, trim: float) -> None:
+        """Take note of a step: of the scene with its launch, and of the trim [rad/s] if a step is a flight."""
         trims = (*self.past.trims, trim) if self._by_hops else ()
-        self.past = self.past._replace(launch=State.found(launch.tolist()), trims=trims)
+        self._scenes, self.past = scenes, self.past._replace(launched=True, trims=trims)
         self._play()
 
     def render(self) -> RenderFrame | list[RenderFrame] | None:
         """Return what the render mode asks for, see :meth:`sledenv.envs.launch.SledLaunch.render`."""
-        launched = self.past.launch is not None
+        launched = self.past.launched
         match self._mode:
             case "rgb_array":
                 return self._drawing().strobe(self._recorded()) if launched else self._launch_frame()
@@ -97,7 +96,7 @@ class Viewer:
     def film(self) -> Iterator[NDArray[np.uint8]]:
         """Draw what has happened since the last call: the launch, or the film of the descent."""
         shown = self.past.shown
-        if self.past.launch is not None:
+        if self.past.launched:
             descent = self._recorded()
             self.past = self.past._replace(shown=descent.time)
             yield from self._drawing().film(descent, after=shown)
@@ -116,7 +115,7 @@ class Viewer:
             self._drawing().play(self.film())
 
     def _drawing(self) -> DescentRenderer:
-        body = self._task.body(self._context)
+        body = self._task.body(self._scenes)
         if self._renderer is None:
             self._renderer = DescentRenderer(body, fps=_FPS)
         elif self._renderer.body != body:
@@ -129,17 +128,15 @@ class Viewer:
 
     def _awaited(self) -> Any:
         """Return body, law, slope and the launch of the context, which nobody has chosen yet."""
-        scenario, context = self._task.scenario, self._task.context(self._context)
-        return scenario.body(context), scenario.law(context), scenario.slope(context), scenario.launch(context)
+        return self._task.scenario.given(self._task.context(self._scenes))
 
     def _recorded(self) -> Descent:
         """Return the descent so far with its trajectory."""
-        launch, trims, _ = self.past
-        assert launch is not None
+        trims = self.past.trims
         if not self._by_hops:
-            return self._task.descend(self._context, launch, record="trajectory")
+            return self._task.descent(self._scenes, record="trajectory")
         if self._ride is None:
-            self._ride = self._task.ride(self._context, launch, record="trajectory")
+            self._ride = self._task.ride(self._scenes, record="trajectory")
             self._ride.await_flight()
         for trim in trims[self._followed :]:
             if self._ride.status != Status.RUNNING:  # no flight was worth a decision

@@ -8,7 +8,6 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
-from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS
 
 MOST_ZONES: Final = 8
 PIECES: Final = 2 * MOST_ZONES + 1  # with what lies between the zones
@@ -43,18 +42,16 @@ def _lay(ground: np.void, begin: float, friction: float, arc_arm: float, corner_
 
 
 @kernel
-def lay_ground(law: Any, slope: np.ndarray, ground: np.void) -> None:
-    """Write the ground of a slope with zones, one row of a table of slopes; elsewhere it is as the law says."""
+def lay_ground(law: Any, zones: np.ndarray, ground: np.void) -> None:
+    """Write the ground of a slope with zones, rows with the fields of Zone; elsewhere it is as the law says."""
     ground["count"], reached = 0.0, -math.inf
-    for k in range(SLOPE_FIELDS, slope.shape[0], ZONE_FIELDS):
-        begin, end = slope[k], slope[k + 1]
-        if not begin < end:  # the row has room for more zones than there are
-            continue
+    for k in range(zones.shape[0]):
+        begin = zones[k, 0]
         if begin > reached:
             _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
-        piece = _lay(ground, begin, slope[k + 2], slope[k + 3], slope[k + 4])
-        ground["restitution"][piece], ground["stiffness"][piece] = slope[k + 5], slope[k + 6]
-        reached = end
+        piece = _lay(ground, begin, zones[k, 2], zones[k, 3], zones[k, 4])
+        ground["restitution"][piece], ground["stiffness"][piece] = zones[k, 5], zones[k, 6]
+        reached = zones[k, 1]
     if reached < math.inf:
         _lay(ground, reached, law.friction, law.rolling_arm, law.corner_rolling_arm)
     ground["begin"][int(ground["count"])] = math.inf

@@ -10,11 +10,12 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import angle_of, sine_cosine, wrap
 from sledenv.kernel.geometry import first_piece, height_at, tangent_at
-from sledenv.kernel.params import row_of
+from sledenv.kernel.outline import support_height
+from sledenv.kernel.params import Scenes, incline_of
 
 BEHIND: Final = 2  # vertices that are told of the ground behind a place
 AHEAD: Final = 8  # and ahead of it
-VERTEX: Final = ("x", "y", "there")  # [m, m, -] what is told of each
+VERTEX: Final = ("x", "y", "radius", "there")  # [m, m, m, -] what is told of each
 # [m] along the slope from where the mass centre lands: there the ground is told too.
 PLACES: Final = (
     *(-1.6, -1.2, -0.8, -0.5, -0.25, 0.25, 0.5, 0.8, 1.2, 1.6),
@@ -23,7 +24,7 @@ PLACES: Final = (
 LANDING: Final = ("time", "distance", "pitch", "approach", "speed", "pose", "spin")  # what is told of a landing itself
 _PLACES: Final = np.array(PLACES)
 _STEP: Final = 0.02  # [s] between two looks at a flight
-_LOOKS: Final = 64  # after which it counts as landing
+_LOOKS: Final = 150  # after which it counts as landing: boulders fly for seconds
 _HALVINGS: Final = 30  # of a step: the time of a landing is as exact as doubles of its place
 
 
@@ -59,14 +60,17 @@ def look_around(pieces: np.ndarray, x: float, around: np.ndarray) -> tuple[float
     pieces : ndarray of PIECE
     x : float
         A vertex at the place itself is behind it.
-    around : ndarray, shape ((BEHIND + AHEAD) * 3,)
-        Zeros. Of each vertex x and y less those of the ground at the place, and 1 if there is such a vertex.
+    around : ndarray, shape ((BEHIND + AHEAD) * 4,)
+        Zeros. Of each vertex x and y less those of the ground at the place, the radius of its bend, and 1 if there is
+        such a vertex. Of the last one no radius is told: how it is rounded depends on what is behind it.
     """
     reached, under = first_piece(pieces, x), height_at(pieces, x)
     for i in range(BEHIND + AHEAD):
-        j, k = reached - BEHIND + 1 + i, 3 * i
+        j, k = reached - BEHIND + 1 + i, 4 * i
         if 0 < j < pieces.shape[0]:
-            around[k], around[k + 1], around[k + 2] = pieces[j]["x"] - x, pieces[j]["y"] - under, 1.0
+            around[k], around[k + 1], around[k + 3] = pieces[j]["x"] - x, pieces[j]["y"] - under, 1.0
+            if i < BEHIND + AHEAD - 1:
+                around[k + 2] = pieces[j]["radius"]
     return under, reached + AHEAD
 
 
@@ -131,45 +135,26 @@ def foresee(
         landing[most + k], landing[most + _PLACES.shape[0] + k] = there - height, angle_of(up, along)
 
 
-def look_out(
-    pieces: np.ndarray,
-    tracks: np.ndarray,
-    angles: np.ndarray,
-    gravity: float,
-    lying: np.ndarray,
-    flights: np.ndarray,
-    under: np.ndarray,
-    around: np.ndarray,
-    landings: np.ndarray,
-) -> None:
-    """Write what lanes are told of the ground under them and around them, and of their landings, in place of zeros.
+def look_out(scenes: Scenes, flights: np.ndarray, around: np.ndarray, landings: np.ndarray) -> None:
+    """Write what lanes are told of their pose, of the ground around them and of their landings, in place of zeros.
 
     Parameters
     ----------
-    pieces : ndarray of PIECE
-        Of all tracks.
-    tracks : ndarray, shape (1 or n, 2)
-        Which pieces are the ground of a lane: the first one, and the one behind the last.
-    angles : ndarray, shape (n,)
-        Of the slopes [rad].
-    gravity : float
-        [m/s^2]
-    lying : ndarray, shape (n,)
-        Support heights [m] of the bodies as they lie.
+    scenes : Scenes
+        Of n lanes.
     flights : ndarray of OUTCOME, shape (n,)
-    under : ndarray, shape (n,)
-        Height [m] of the ground under each mass centre.
-    around : ndarray, shape (n, (BEHIND + AHEAD) * 3)
+    around : ndarray, shape (n, 3 + (BEHIND + AHEAD) * len(VERTEX))
+        Sine and cosine of the orientation, height [m] of the ground under the mass centre; then :func:`look_around`.
     landings : ndarray, shape (n, len(LANDING) + 2 * len(PLACES)) or (0, ...)
         Of :func:`foresee`, of a body that flies; without rows they are left out.
     """
     for i in range(flights.shape[0]):
-        track = row_of(tracks, i)
-        ground = pieces[int(track[0]) : int(track[1])]
-        x = flights[i]["x"]
-        if not math.isfinite(x + flights[i]["y"] + flights[i]["u"] + flights[i]["v"]):
+        scene, flight = scenes.rows[i], flights[i]
+        ground, body = scenes.pieces[int(scene["ground"]) : int(scene["ground_end"])], scenes.bodies[int(scene["body"])]
+        if not math.isfinite(flight["x"] + flight["y"] + flight["phi"] + flight["u"] + flight["v"]):
             continue  # it has overflowed, and ended
-        under[i], last = look_around(ground, x, around[i])
+        around[i, 0], around[i, 1] = sine_cosine(wrap(flight["phi"]))
+        around[i, 2], last = look_around(ground, flight["x"], around[i, 3:])
         if landings.shape[0] > 0:
-            sine, cosine = sine_cosine(wrap(angles[i]))
-            foresee(ground, last, gravity * sine, gravity * cosine, lying[i], flights[i], landings[i])
+            incline, lying = incline_of(scene), support_height(body, 0.0)
+            foresee(ground, last, incline.downhill, incline.inward, lying, flight, landings[i])

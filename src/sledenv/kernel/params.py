@@ -1,11 +1,12 @@
-"""What kernels are given beside a body (outline.py): contact law, slope, launch state and limits, as tuples of floats.
+"""What kernels are given beside a body (outline.py): contact law, slope, launch and limits; scenes, which hold them.
 
-Python makes them with the classes of the same names in :mod:`sledenv.simulation`, which check every field.
+Python makes the tuples with the classes of the same names in :mod:`sledenv.simulation`, which check every field.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+import math
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
@@ -57,17 +58,14 @@ class Zone(NamedTuple):
     stiffness: float | None  # [N/m] c
 
 
-# A row of a table of slopes has the fields of a slope, then those of its zones in their order. Where it has fewer zones
-# than another row, the rest is NaN. A profile is not in it: all lanes of a batch have the same.
-SLOPE_FIELDS, ZONE_FIELDS = len(Slope._fields), len(Zone._fields)
+ZONE_FIELDS: Final = len(Zone._fields)
 
 
 class Incline(NamedTuple):
-    """What a kernel needs of a slope: see :func:`incline_of`."""
+    """What a kernel needs of the slope of a scene: see :func:`incline_of`."""
 
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
-    # As in Slope, from its second field on.
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
 
@@ -98,6 +96,50 @@ class Limits(NamedTuple):
     shortest_flight: float  # [s] a hop goes on through shorter flights
 
 
+# All that is given of one descent: a row of doubles. Whole numbers are places in pools, which many scenes share.
+SCENE: Final = np.dtype(
+    [
+        ("body", "f8"),  # [-] place of its outline among the bodies
+        ("ground", "f8"),  # [-] places of its first piece of ground among the pieces,
+        ("ground_end", "f8"),  # [-] and of the one behind its last
+        ("zones", "f8"),  # [-] places of its first zone among the zones,
+        ("zones_end", "f8"),  # [-] and of the one behind its last
+        # The contact law, as in ContactLaw; rigid surfaces have the restitution that belongs to the asymmetry.
+        ("stiffness", "f8"),  # [N/m]
+        ("asymmetry", "f8"),  # [-]
+        ("friction", "f8"),  # [-]
+        ("rolling_arm", "f8"),  # [m]
+        ("corner_rolling_arm", "f8"),  # [m]
+        ("settle_speed", "f8"),  # [m/s] of approach, below which an impact of rigid surfaces is plastic
+        # The slope, as in Slope.
+        ("angle", "f8"),  # [rad]
+        ("length", "f8"),  # [m]
+        ("gravity", "f8"),  # [m/s^2]
+        # The launch, as in State.
+        ("x", "f8"),  # [m]
+        ("y", "f8"),  # [m]
+        ("phi", "f8"),  # [rad]
+        ("u", "f8"),  # [m/s]
+        ("v", "f8"),  # [m/s]
+        ("omega", "f8"),  # [rad/s]
+        ("rotor_inertia", "f8"),  # [kg m^2] of the rider's rotor; 1 without a rider, who then lends nothing
+        (
+            "stream",
+            "f8",
+        ),  # [-] number of the stream of a rider's errors, of which kernels know nothing
+    ]
+)
+
+
+class Scenes(NamedTuple):
+    """What descents are given."""
+
+    rows: np.ndarray  # of SCENE, one a lane
+    bodies: np.ndarray  # of BODY
+    pieces: np.ndarray  # of PIECE
+    zones: np.ndarray  # fields of Zone, shape (n, ZONE_FIELDS); NaN for None
+
+
 @kernel
 def row_of(table: np.ndarray, lane: int) -> Any:
     """Row of a lane in a table that has one row for each lane, or one row for all lanes."""
@@ -105,35 +147,34 @@ def row_of(table: np.ndarray, lane: int) -> Any:
 
 
 @kernel
-def law_of(table: np.ndarray, lane: int) -> ContactLaw:
-    """Law of compliant surfaces in the row of a lane."""
-    row = row_of(table, lane)
-    return ContactLaw(row[0], row[1], row[2], row[3], row[4])
+def law_of(scene: np.void) -> ContactLaw:
+    """Law of compliant surfaces in a scene."""
+    return ContactLaw(
+        scene["stiffness"],
+        scene["asymmetry"],
+        scene["friction"],
+        scene["rolling_arm"],
+        scene["corner_rolling_arm"],
+    )
 
 
 @kernel
-def rigid_law_of(table: np.ndarray, lane: int) -> RigidLaw:
-    """Law of rigid surfaces in the row of a lane."""
-    row = row_of(table, lane)
-    return RigidLaw(row[0], row[1], row[2], row[3], row[4])
+def rigid_law_of(scene: np.void) -> RigidLaw:
+    """Law of rigid surfaces in a scene, the stiff limit of that of compliant ones."""
+    restitution = math.sqrt((1.0 - scene["asymmetry"]) / (1.0 + scene["asymmetry"]))
+    return RigidLaw(
+        restitution, scene["friction"], scene["rolling_arm"], scene["corner_rolling_arm"], scene["settle_speed"]
+    )
 
 
 @kernel
-def slope_of(table: np.ndarray, lane: int) -> Slope:
-    """Slope in the row of a lane."""
-    row = row_of(table, lane)
-    return Slope(row[0], row[1], row[2])
+def incline_of(scene: np.void) -> Incline:
+    """Return what kernels need of the slope of a scene."""
+    sine, cosine = sine_cosine(wrap(scene["angle"]))
+    return Incline(scene["gravity"] * sine, scene["gravity"] * cosine, scene["length"], scene["gravity"])
 
 
 @kernel
-def incline_of(slope: Slope) -> Incline:
-    """Return what kernels need of a slope."""
-    sine, cosine = sine_cosine(wrap(slope.angle))
-    return Incline(slope.gravity * sine, slope.gravity * cosine, slope.length, slope.gravity)
-
-
-@kernel
-def launch_of(table: np.ndarray, lane: int) -> State:
-    """State at the launch in the row of a lane."""
-    row = row_of(table, lane)
-    return State(row[0], row[1], row[2], row[3], row[4], row[5])
+def launch_of(scene: np.void) -> State:
+    """State at the launch in a scene."""
+    return State(scene["x"], scene["y"], scene["phi"], scene["u"], scene["v"], scene["omega"])

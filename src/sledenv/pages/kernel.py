@@ -26,6 +26,7 @@ from sledenv.machine.files import replacing
 from sledenv.pages.as_json import plain_slope
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_descent, limits_of
+from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import (
     BODY,
     CONTACT_FORCES,
@@ -34,6 +35,7 @@ from sledenv.simulation.records import (
     OUTCOME,
     PIECE,
     REBOUND,
+    SCENE,
     SPACE,
     STATUS_OF_CODE,
     TRAJECTORY,
@@ -44,17 +46,18 @@ from sledenv.simulation.settings import DEFAULT, Settings
 
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
-_ENTRIES: Final = ("descend_lanes", "complete", "lay", "lowest")
+_ENTRIES: Final = ("descend_lanes", "embark", "judge", "complete", "lay", "lowest", "resting")
 _RECORDS: Final = {
     "BODY": BODY,
     "CONTACT_FORCES": CONTACT_FORCES,
     "OUTCOME": OUTCOME,
     "PIECE": PIECE,
     "REBOUND": REBOUND,
+    "SCENE": SCENE,
     "SPACE": SPACE,
     "TRAJECTORY": TRAJECTORY,
 }
-_TUPLES: Final = (params.ContactLaw, params.RigidLaw, params.Slope, params.Zone, params.State, params.Limits)
+_TUPLES: Final = (params.ContactLaw, params.Slope, params.Zone, params.State, params.Limits, DescentJam)
 _STACK: Final = 1 << 18  # bytes
 _NO_LINKER = "needs the linker wasm-ld: pip install ziglang, or install lld (Debian: apt-get install lld)"
 
@@ -125,7 +128,8 @@ def descent_input(
     Returns
     -------
     dict
-        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, ``slope`` with its ``zones``, ``profile`` and
+        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, if surfaces are rigid
+        with a ``settle_speed``, ``slope`` with its ``zones``, ``profile`` and
         ``rounding``, ``launch``, ``limits``, ``solver``.
 
     Raises
@@ -133,15 +137,15 @@ def descent_input(
     TypeError, ValueError
         As :func:`sledenv.simulate`.
     """
-    body, _, slope, launch, lanes = checked_descent(body, law, slope, launch, settings)
-    tables, record = lanes.tables(limits_of(body, settings)), body.record[0]
+    body, law, slope, launch, scenes = checked_descent(body, law, slope, launch, settings)
+    record, settle = body.record[0], float(scenes.rows["settle_speed"][0])
     arcs = [{name: float(record[name][k]) for name in GIVEN} for k in range(int(record["count"]))]
     given = {
         "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
-        "law": lanes.kind(*tables.laws[0].tolist())._asdict(),
+        "law": law._asdict() | ({"settle_speed": settle} if settings.solver == "rigid" else {}),
         "slope": plain_slope(slope),
         "launch": launch._asdict(),
-        "limits": tables.limits._asdict(),
+        "limits": limits_of(body, settings)._asdict(),
         "solver": settings.solver,
     }
     plain: dict[str, Any] = jsonable(given)

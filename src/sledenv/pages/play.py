@@ -21,14 +21,15 @@ from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenari
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.checks import has_sharp_corner
+from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, ContactLaw, Slope, State, Tracks
+from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
-from sledenv.simulation.support import resting_heights, support_height, within_a_turn
-from sledenv.simulation.words import REBOUND_HEADER, mode_name
+from sledenv.simulation.support import clearance, support_height
+from sledenv.simulation.words import REBOUND_HEADER, metric_name, mode_name
 
 MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0
@@ -146,8 +147,8 @@ def play_page(
     told = [_context(scenario, one) for one in contexts]
     first = contexts[0].context
     own = _own_bodies(scenario)
-    law, slope, settings = scenario.law(first), scenario.slope(first), scenario.settings(solver)
-    descent = simulate(scenario.body(first), law, slope, scenario.launch(first), settings, record="trajectory")
+    (body, law, slope, launch), settings = scenario.given(first), scenario.settings(solver)
+    descent = simulate(body, law, slope, launch, settings, record="trajectory")
     return simulating_page(
         page_content(told, own, law, slope, settings),
         still(descent),
@@ -193,6 +194,7 @@ def page_content(
         "modes": {str(mode.value): mode_name(mode) for mode in Mode},
         "losses": CONTACT_LOSSES,
         "flight_losses": FLIGHT_LOSSES,
+        "metrics": {name: metric_name(name) for name in SHOWN},
         "header": REBOUND_HEADER,
         "columns": REBOUND_COLUMNS,
         "hold": HOLD,
@@ -263,8 +265,7 @@ def map_page(scenario: Scenario, seeds: Sequence[int], marks: Mapping[int, Seque
 
 def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
     name, context, marks = played
-    law, slope = scenario.law(context), scenario.slope(context)
-    launch = State(*scenario.launch(context))._replace(phi=float(within_a_turn(np.array(context.orientation))))
+    _, law, slope, launch = scenario.given(context)
     control = scenario.control
     values = {
         "orientation": launch.phi,
@@ -281,14 +282,12 @@ def _context(scenario: Scenario, played: Played) -> dict[str, Any]:
 
 def given_values(body: Body, law: ContactLaw, slope: Slope, launch: State) -> dict[str, float]:
     """Return what the sliders show of a descent, in SI units."""
-    place, tracks = (np.array([launch.x]), np.array([launch.phi])), Tracks.of([slope.ground])
-    (lowest,) = resting_heights(body.record, *place, tracks).tolist()
     return {
         "orientation": launch.phi,
         "spin": launch.omega,
         "speed": launch.u,
         "fall": 0.0 - launch.v,
-        "drop": launch.y - lowest,
+        "drop": clearance(body, slope, launch),
         **_ground_values(law, slope),
         "error_orientation": 0.0,
         "error_spin": 0.0,

@@ -14,6 +14,7 @@ from sledenv.pages.scenes import drawn_body
 from sledenv.pages.still import still
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.scenarios.sections import RiderSection
+from sledenv.simulation.jam import SHARE_OF_PROGRESS
 from sledenv.simulation.simulate import simulate
 
 
@@ -53,14 +54,13 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
     if not hills:
         raise ValueError("hills is empty: must hold at least one")
     first = hills[0].context
-    given = scenario.body(first), scenario.law(first), scenario.slope(first), scenario.launch(first)
-    untrimmed = simulate(*given, scenario.settings(), record="trajectory")
+    untrimmed = simulate(*scenario.given(first), scenario.settings(), record="trajectory")
     exact = {
         "trim": rider.trim_rad_s,
         "rotor_inertia": rider.rotor_inertia_kg_m2,
         "hills": [_told(scenario, rider, hill) for hill in hills],
     }
-    drawn = [drawn_body(scenario.body(hill.context)) for hill in hills]
+    drawn = [drawn_body(scenario.given(hill.context).body) for hill in hills]
     content = {
         "title": scenario.title,
         "question": scenario.question,
@@ -68,6 +68,7 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
         "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
         "drawn": drawn,
+        "share": SHARE_OF_PROGRESS,
         "turns": ("nose up", "nose down") if "pieces" in drawn[0] else ("backwards", "forwards"),
         "kernel": packed_kernel(),
     }
@@ -77,19 +78,17 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
 def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]:
     """What the page must know of a context, all digits of its numbers."""
     name, context, rides = hill
-    body = scenario.body(context)
-    scene = descent_input(
-        body, scenario.law(context), scenario.slope(context), scenario.launch(context), scenario.settings()
-    )
+    given = scenario.given(context)
+    scene = descent_input(*given, scenario.settings())
     scene["limits"]["shortest_flight"] = rider.shortest_flight_s
     most = scenario.limits.max_rebounds if rider.noise_rad_s > 0.0 else 0  # a ride has no more flights
-    errors = scenario.errors(np.array([context] * most).reshape(most, len(context)), np.arange(most))
+    errors = scenario.errors(np.full(most, context.track), np.arange(most))
     return {
         "name": name,
         "scene": scene,
         "errors": errors.tolist(),
         "rides": [{"name": ride.name, "trims": [float(trim) for trim in ride.trims]} for ride in rides],
-        "parts": body.parts,
+        "parts": given.body.parts,
         "ends": scenario.settings().end_parts,
-        "size": body.size,
+        "size": given.body.size,
     }

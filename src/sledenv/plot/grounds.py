@@ -8,7 +8,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from sledenv.simulation.scene import Slope, pieces_of, tangents
+from sledenv.simulation.grounds import pieces_of
+from sledenv.simulation.scene import Slope, tangents
 
 _CHORD: Final = math.radians(3.0)  # by which a chord of a bend turns
 _SAGITTA: Final = 1e-3  # [m] how far a chord is from its bend at most

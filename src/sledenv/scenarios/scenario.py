@@ -7,7 +7,6 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Sequence
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -32,11 +31,12 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.scenarios.terrain import Ground, placed, read_ground
-from sledenv.scenarios.tracks import TRACKS, Bumps, profiles_of, standard_normals
-from sledenv.simulation.bodies import Body, records_of
+from sledenv.scenarios.tracks import TRACKS, Bumps, standard_normals
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import has_sharp_corner
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.outlook import AHEAD
-from sledenv.simulation.records import MOST_ZONES, params
+from sledenv.simulation.records import MOST_ZONES, SCENE, params
 from sledenv.simulation.rules import (
     FINITE,
     NOT_NEGATIVE,
@@ -53,16 +53,15 @@ from sledenv.simulation.scene import (
     ContactLaw,
     Profile,
     Slope,
-    SlopeTable,
     State,
-    Tracks,
     Zone,
     asymmetry_of,
     sharp_crests,
     vertices_of,
 )
+from sledenv.simulation.scenes import NO_ZONES, Scenes, columns, settle_speed
 from sledenv.simulation.settings import Settings, Solver
-from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.simulation.support import within_a_turn
 
 Split = Literal["train", "validation", "test"]
 _SHIFT: Final = 1.25  # by which speeds and bumps are raised in contexts of a kind that no one trains on
@@ -109,6 +108,7 @@ class Context(_ContextFields):
 
     __slots__ = ()
     seen: ClassVar[tuple[str, ...]] = _ContextFields._fields[:-1]
+    units: ClassVar[tuple[str, ...]] = ("rad", "1", "1", "m/s", "m", "m/s", "rad", "rad/s", "m", "1", "1")  # of these
     rules: ClassVar[tuple[Rule, ...]] = (
         *(STEEPNESS, NOT_NEGATIVE, RESTITUTION),
         *(_MOVING, _HIGH, _MOVING, FINITE, _MOVING),
@@ -117,7 +117,18 @@ class Context(_ContextFields):
     )
 
 
+_LAW: Final = "stiffness", "corner_rolling_arm"
+_INCLINE: Final = "angle", "gravity"
 _ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", "shape", "track"))
+
+
+class Given(NamedTuple):
+    """What one descent is given, as :func:`sledenv.simulate` takes it."""
+
+    body: Body
+    law: ContactLaw
+    slope: Slope
+    launch: State
 
 
 class Scenario(Document):
@@ -374,14 +385,13 @@ class Scenario(Document):
         content = self.model_copy(update={"launch_section": faster, "slope_section": slope}).model_dump(by_alias=True)
         return Scenario.model_validate(content)
 
-    def errors(self, contexts: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
+    def errors(self, streams: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the errors [rad/s] of the spins that riders lend in flights, normal ones of ``rider.noise_rad_s``.
-
-        They belong to the context: one that is given back has the same.
 
         Parameters
         ----------
-        contexts : ndarray, shape (N, 12)
+        streams : ndarray, shape (N,)
+            Numbers in [0, 2^32) of the streams that they are drawn from: of a context that of its track.
         decisions : ndarray of int, shape (N,)
             Which decision of the ride each is, counted from 0.
 
@@ -390,42 +400,21 @@ class Scenario(Document):
         ndarray, shape (N,)
         """
         if self.rider is None or self.rider.noise_rad_s == 0.0:
-            return np.zeros(len(contexts))
-        return self.rider.noise_rad_s * standard_normals(_rows_of(contexts)[:, _TRACK], decisions)
+            return np.zeros(len(streams))
+        return self.rider.noise_rad_s * standard_normals(streams, decisions)
 
     def all_bodies(self) -> tuple[Body, ...]:
         """Return the bodies of the scenario, one of which is that of a context."""
         return _build(self.body_section)
 
-    def body(self, context: Context | None = None) -> Body:
-        """Return the body of a context; without one, the first body.
+    @property
+    def outlines(self) -> np.ndarray:
+        """What the kernel reads of the bodies, records of kernel.outline.BODY."""
+        return _records(self.body_section)
 
-        Raises
-        ------
-        ValueError
-            If the scenario has no body of this number.
-        """
-        if context is None:
-            return self.all_bodies()[0]
-        (number,) = self.shapes(_alone(context))
-        return self.all_bodies()[int(number)]
-
-    def bodies(self, contexts: NDArray[np.float64]) -> Body | np.ndarray:
-        """Return the body of all contexts of shape (N, 12), or records of kernel.outline.BODY, one a context."""
-        bodies = self.all_bodies()
-        if len(bodies) == 1:
-            return bodies[0]
-        return np.concatenate([body.record for body in bodies])[self.shapes(contexts)]
-
-    def shapes(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Return the place of each context's body among those of the scenario, shape (N,).
-
-        Raises
-        ------
-        ValueError
-            If it has no body there.
-        """
-        shapes, most = _rows_of(contexts)[:, _SHAPE], len(self.all_bodies()) - 1
+    def _shapes(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
+        """Return the place of each context's body among those of the scenario, shape (N,), or raise ValueError."""
+        shapes, most = contexts[:, _SHAPE], len(self.all_bodies()) - 1
         wrong = ~((shapes >= 0.0) & (shapes <= most) & (shapes == np.floor(shapes)))
         if wrong.any():
             value = float(shapes[wrong][0])
@@ -441,7 +430,7 @@ class Scenario(Document):
             If it has no such body or no zone, or if its zone cannot begin there, naming the field, its value and what
             is allowed.
         """
-        self.shapes(np.nan_to_num(contexts))
+        self._shapes(np.nan_to_num(contexts))
         drawn = self._drawn_zone
         if drawn is None:
             for name, column in zip(Context._fields[_ZONE:], contexts.T[_ZONE : _ZONE + 2], strict=False):
@@ -455,87 +444,159 @@ class Scenario(Document):
             value = float(begins[wrong][0])
             raise ValueError(f"context.zone_begin = {value!r}: must be in {'[' if drawn else '('}{low!r}, {high!r}) m")
 
-    def law(self, context: Context) -> ContactLaw:
-        """Return the contact law of a context."""
-        return ContactLaw(*self.laws(_alone(context))[0].tolist())
+    def draw(self, draws: NDArray[np.float64], split: Split | None = None) -> Scenes:
+        """Return the scenes at relative places ``draws`` in [0, 1) of the ranges: those of :meth:`contexts` there."""
+        return self.scenes(self.contexts(draws, split))
 
-    def laws(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the contact laws of contexts of shape (N, 12): columns are the fields of ContactLaw, shape (N, 5)."""
-        contexts = _rows_of(contexts)
-        law, (_, friction, restitution, *_) = self.contact, contexts.T
-        fields = params.ContactLaw(
-            stiffness=law.stiffness_n_m,
-            asymmetry=asymmetry_of(restitution),
-            friction=friction,
-            rolling_arm=law.rolling_arm_m,
-            corner_rolling_arm=law.corner_rolling_arm_m,
-        )
-        return _rows(len(contexts), fields)
+    def scenes(self, contexts: NDArray[np.float64], errors: NDArray[np.float64] | None = None) -> Scenes:
+        """Return all that descents in contexts are given.
 
-    def slope(self, context: Context) -> Slope:
-        """Return the slope of a context, with its zones and its profile."""
-        rows, (profile,) = self.slopes(_alone(context))
-        angle, length, gravity, *rest = rows[0].tolist()
-        fields = iter(None if math.isnan(field) else field for field in rest)
-        zones = [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)]
-        vertices = vertices_of(profile)
-        return Slope(angle, length, gravity, zones, vertices[:, :2], vertices[:, 2])
-
-    def slopes(self, contexts: NDArray[np.float64]) -> SlopeTable:
-        """Return the slopes of contexts of shape (N, 12), with one profile for all or one each.
-
-        Columns of rows are the fields of Slope, then those of each zone: NaN where it has no restitution or stiffness
-        of its own.
-        """
-        contexts = _rows_of(contexts)
-        return SlopeTable(self._rows_of_slopes(contexts), self.profiles(contexts))
-
-    def profiles(self, contexts: NDArray[np.float64]) -> list[Profile]:
-        """Return the profiles of contexts of shape (N, 12): N if they have bumps, else the one of all."""
-        if self.slope_section.bumps is None:
-            return [self.slope_section.profile]
-        tracks, places = np.unique(_rows_of(contexts)[:, _TRACK], return_inverse=True)
-        drawn = profiles_of(self._vertices(tracks))
-        return [drawn[i] for i in places.tolist()]
-
-    def vertices(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the vertices x, y of the ground of contexts of shape (N, 12), and their radii [m].
-
-        :func:`sledenv.simulation.outlook.look_out` finds those next to a place.
+        Parameters
+        ----------
+        contexts : ndarray, shape (N, 12), or DataFrame
+            Columns are the fields of :class:`Context`.
+        errors : ndarray, shape (N, 2), optional
+            Of the orientation [rad] and of the spin [rad/s] at launch; none by default.
 
         Returns
         -------
-        ndarray, shape (N, M, 3), or (1, M, 3) of all contexts where there are no bumps
-            inf behind the last vertex of a ground that has fewer than M.
+        Scenes
+            N of them, each with the contexts and errors that it is ``drawn`` from.
+
+        Raises
+        ------
+        ValueError
+            If there is no such body or track.
         """
-        if self.slope_section.bumps is None:
-            return vertices_of(self.slope_section.profile)[np.newaxis]
-        return self._vertices(_rows_of(contexts)[:, _TRACK])
+        contexts = _rows_of(contexts)
+        ground = (
+            _laid(self.slope_section.profile) if self.slope_section.bumps is None else self._tracks(contexts[:, _TRACK])
+        )
+        bodies, law, slope = self.outlines, self.contact, self.slope_section
+        drawn = np.zeros((len(contexts), len(Context._fields) + len(NOISY)))
+        drawn[:, : len(Context._fields)] = contexts
+        if errors is not None:
+            drawn[:, len(Context._fields) :] = errors
+        scenes = Scenes(np.zeros(len(contexts), SCENE), bodies, ground.pieces, NO_ZONES, drawn)
+        rows = scenes.rows
+        rows["body"] = shapes = self._shapes(contexts)
+        rows["ground"], rows["ground_end"] = ground.places.T
+        rows["angle"], rows["length"], rows["gravity"] = contexts[:, 0], slope.length_m, slope.gravity_m_s2
+        rows["stiffness"], rows["asymmetry"] = law.stiffness_n_m, asymmetry_of(contexts[:, 2])
+        rows["friction"], rows["rolling_arm"] = contexts[:, 1], law.rolling_arm_m
+        rows["corner_rolling_arm"] = law.corner_rolling_arm_m
+        rows["settle_speed"] = settle_speed(slope.gravity_m_s2, bodies["size"][shapes])
+        rows["rotor_inertia"] = 1.0 if self.rider is None else self.rider.rotor_inertia_kg_m2
+        rows["stream"] = contexts[:, _TRACK]
+        if self.zones:
+            scenes = scenes._replace(zones=self._zones_of(contexts))
+            count = float(len(self.zones))
+            rows["zones"] = count * np.arange(len(rows)) if len(scenes.zones) > count else 0.0
+            rows["zones_end"] = rows["zones"] + count
+        self.let_go(scenes, drawn)
+        return scenes
+
+    def let_go(self, scenes: Scenes, drawn: NDArray[np.float64]) -> None:
+        """Write into scenes the launches that rows of ``drawn`` say: the fields of contexts, and errors.
+
+        A body would touch the ground at x = 0 if it were lower by the drop of its context. Whole turns are taken off.
+        """
+        first, count = Context._fields.index("speed"), len(Context._fields)
+        speed, drop, fall, orientation, spin = drawn[:, first : first + 5].T
+        place = np.zeros(len(drawn))
+        phi = within_a_turn(orientation + drawn[:, count])
+        launches = place, drop + scenes.resting_heights(place, phi), phi, speed, 0.0 - fall, spin + drawn[:, count + 1]
+        scenes.launches[:] = np.stack(launches, axis=-1)
+
+    def given(
+        self,
+        context: Context,
+        orientation: float | None = None,
+        spin: float | None = None,
+        speed: float | None = None,
+    ) -> Given:
+        """Return what one descent is given: ``simulate(*scenario.given(context), scenario.settings())``.
+
+        Parameters
+        ----------
+        context : Context
+            The draw.
+        orientation : float, optional
+            phi [rad] at launch in place of the context's.
+        spin : float, optional
+            omega [rad/s] in place of the context's.
+        speed : float, optional
+            u [m/s], along the slope, in place of the context's.
+
+        Returns
+        -------
+        Given
+            Body, contact law, slope with its zones and its profile, and state at launch: at x = 0, where the body would
+            touch the ground if it were lower by ``context.drop``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            If ``orientation``, ``spin`` or ``speed`` is not a finite number, or ``context`` is no context.
+        """
+        named = {"orientation": ("phi", orientation), "spin": ("omega", spin), "speed": ("u", speed)}
+        own = {
+            name: checked("State", field, value, FINITE) for name, (field, value) in named.items() if value is not None
+        }
+        return self.given_in(self.scenes(_alone(context, **own)))
+
+    def given_in(self, scenes: Scenes) -> Given:
+        """Return what the descent of the first of scenes is given, as :meth:`given` does."""
+        (row,), fields = scenes.table[:1], iter([None if math.isnan(one) else one for one in self._zones_in(scenes)])
+        zones = [Zone(*zone) for zone in zip(*[fields] * len(Zone._fields), strict=True)]
+        vertices = scenes.pieces[int(scenes.rows["ground"][0]) + 1 : int(scenes.rows["ground_end"][0])]
+        profile = np.column_stack([vertices["x"], vertices["y"]])
+        told, bumps = vertices_of(self.slope_section.profile), self.slope_section.bumps
+        # A piece has the radius that there is room for, a slope the one that was asked for.
+        asked = told[: len(vertices), 2] if bumps is None else bumps.rounding_m
+        rounding = np.where(vertices["radius"] > 0.0, asked, 0.0)
+        law, slope = (row[columns(*ends)].tolist() for ends in (_LAW, _INCLINE))
+        return Given(
+            self.all_bodies()[int(scenes.rows["body"][0])],
+            ContactLaw(*law),
+            Slope(slope[0], slope[1], slope[2], zones, profile, rounding),
+            State(*scenes.launches[0].tolist()),
+        )
+
+    @staticmethod
+    def _zones_in(scenes: Scenes) -> list[float]:
+        begin, end = int(scenes.rows["zones"][0]), int(scenes.rows["zones_end"][0])
+        numbers: list[float] = scenes.zones[begin:end].ravel().tolist()
+        return numbers
 
     @property
-    def extent(self) -> tuple[float, float]:
-        """Lengths [m] by which the vertices around a place are scaled, along the slope and off it: 0 on a plane.
+    def extent(self) -> tuple[float, float, float]:
+        """Lengths [m] by which the vertices around a place are scaled: along the slope, off it, and of their radii.
 
-        Eight of them hardly reach further, and none is further up or down.
+        Eight of them hardly reach further, none is further up or down, and no bend has a larger radius. They are 0 on a
+        plane, and the last one where nothing is rounded.
         """
         bumps, vertices = self._bumps, vertices_of(self.slope_section.profile)
         if bumps is not None:
-            return AHEAD / 4 * bumps.longest, bumps.height[1]
+            return AHEAD / 4 * bumps.longest, bumps.height[1], min(bumps.rounding, bumps.longest)
         if not len(vertices):
-            return 0.0, 0.0
+            return 0.0, 0.0, 0.0
         x = np.concatenate([[0.0], vertices[:, 0]])
         ends = np.concatenate([x, np.full(AHEAD, x[-1])])
-        return float((ends[AHEAD:] - x).max()), float(np.ptp(vertices[:, 1])) or 1.0
+        radius = float(_laid(self.slope_section.profile).pieces["radius"].max())
+        return float((ends[AHEAD:] - x).max()), float(np.ptp(vertices[:, 1])) or 1.0, radius
 
-    def _vertices(self, tracks: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Vertices of tracks with such numbers, shapes (N, M, 3) and (N,); raise ValueError if they are none."""
+    def _tracks(self, numbers: NDArray[np.float64]) -> Grounds:
+        """Ground of tracks with such numbers, shape (N,), of which equal ones share it; ValueError if they are none."""
         accepts, allowed = Context.rules[_TRACK]
-        fine = np.asarray(accepts(tracks))
+        fine = np.asarray(accepts(numbers))
         if not fine.all():
-            raise ValueError(f"context.track = {float(tracks[~fine][0])!r}: must be {allowed}")
+            raise ValueError(f"context.track = {float(numbers[~fine][0])!r}: must be {allowed}")
         bumps = self._bumps
         assert bumps is not None
-        return bumps.draw(tracks)
+        tracks, places = np.unique(numbers, return_inverse=True)
+        ground = Grounds.drawn(bumps.draw(tracks))
+        return ground._replace(places=ground.places[places])
 
     @property
     def _bumps(self) -> Bumps | None:
@@ -548,21 +609,26 @@ class Scenario(Document):
         ranges = section.gap_m, section.face_m, section.top_m, section.back_m, section.height_m
         return Bumps(*ranges, begin, self.slope_section.length_m - size, section.rounding_m)
 
-    def _rows_of_slopes(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        section, contact = self.slope_section, self.contact
-        fields: list[Any] = [contexts[:, 0], section.length_m, section.gravity_m_s2]
-        for k, zone in enumerate(self.zones):
-            drawn = k == self._drawn_zone
-            fields += [
-                contexts[:, _ZONE] if drawn else zone.begin_m[0],
-                math.inf if zone.end_m is None else zone.end_m,
-                contexts[:, _ZONE + 1] if drawn else zone.friction[0],
-                contact.rolling_arm_m if zone.rolling_arm_m is None else zone.rolling_arm_m,
-                contact.corner_rolling_arm_m if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m,
-                math.nan if zone.restitution is None else zone.restitution,
-                math.nan if zone.stiffness_n_m is None else zone.stiffness_n_m,
-            ]
-        return _rows(len(contexts), fields)
+    def _zones_of(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the zones of all contexts, or where one of them is drawn those of one context after the other."""
+        contact, drawn = self.contact, self._drawn_zone
+        rows = [
+            params.Zone(
+                begin=zone.begin_m[0],
+                end=math.inf if zone.end_m is None else zone.end_m,
+                friction=zone.friction[0],
+                rolling_arm=contact.rolling_arm_m if zone.rolling_arm_m is None else zone.rolling_arm_m,
+                corner_rolling_arm=(
+                    contact.corner_rolling_arm_m if zone.corner_rolling_arm_m is None else zone.corner_rolling_arm_m
+                ),
+                restitution=math.nan if zone.restitution is None else zone.restitution,
+                stiffness=math.nan if zone.stiffness_n_m is None else zone.stiffness_n_m,
+            )
+            for zone in self.zones
+        ]
+        zones = np.tile(np.array(rows), (len(contexts), 1, 1))
+        zones[:, drawn, 0], zones[:, drawn, 2] = contexts[:, _ZONE], contexts[:, _ZONE + 1]
+        return zones.reshape(-1, len(Zone._fields))
 
     def settings(self, solver: Solver = "compliant") -> Settings:
         """Return how its descents are simulated.
@@ -583,58 +649,6 @@ class Scenario(Document):
             run_out=self.slope_section.run_out_m,
             tolerance=self.limits.tolerance,
         )
-
-    def launch(
-        self,
-        context: Context,
-        orientation: float | None = None,
-        spin: float | None = None,
-        speed: float | None = None,
-    ) -> State:
-        """Return the state at launch: the body would touch the ground if it were lower by ``context.drop``.
-
-        Parameters
-        ----------
-        context : Context
-            The draw.
-        orientation : float, optional
-            phi [rad] in place of the context's.
-        spin : float, optional
-            omega [rad/s] in place of the context's.
-        speed : float, optional
-            u [m/s], along the slope, in place of the context's.
-
-        Returns
-        -------
-        State
-            With x = 0.
-
-        Raises
-        ------
-        TypeError, ValueError
-            If ``orientation``, ``spin`` or ``speed`` is not a finite number, or ``context`` is no context.
-        """
-        given = {"orientation": ("phi", orientation), "spin": ("omega", spin), "speed": ("u", speed)}
-        own = {
-            name: checked("State", field, value, FINITE) for name, (field, value) in given.items() if value is not None
-        }
-        return State(*self.launches(_alone(context, **own))[0].tolist())
-
-    def launches(
-        self, contexts: NDArray[np.float64], bodies: Body | Sequence[Body] | np.ndarray | None = None
-    ) -> NDArray[np.float64]:
-        """Return the states at launch of contexts of shape (N, 12): fields of State, shape (N, 6).
-
-        ``bodies`` takes the place of the scenario's body: one, or bodies or
-        records of kernel.outline.BODY, one a context.
-        """
-        contexts = _rows_of(contexts)
-        _, _, _, speed, drop, fall, orientation, spin, *_ = contexts.T
-        records = records_of(self.bodies(contexts) if bodies is None else bodies, len(contexts))
-        # Bumps begin as far from the launch as bodies reach.
-        ground, phi = Tracks.of([self.slope_section.profile]), within_a_turn(orientation)
-        y = drop + resting_heights(records, np.zeros(len(contexts)), phi, ground)
-        return _rows(len(contexts), (0.0, y, orientation, speed, 0.0 - fall, spin))
 
 
 def check_split(split: str) -> None:
@@ -686,14 +700,6 @@ def _rows_of(contexts: Any) -> NDArray[np.float64]:
 def _alone(context: Context, **changes: float) -> NDArray[np.float64]:
     """Return a context as a table of one row, with some fields changed; raise TypeError if it is none."""
     return np.array([made("context", Context, context)._replace(**changes)], np.float64)
-
-
-def _rows(rows: int, fields: Sequence[Any]) -> NDArray[np.float64]:
-    """Return tuples as the rows of a table; each field is a number or an array of shape (rows,)."""
-    table = np.empty((rows, len(fields)))
-    for i, field in enumerate(fields):
-        table[:, i] = field
-    return table
 
 
 def _laid_out(content: Any) -> Any:
@@ -772,9 +778,19 @@ def _raised(pair: Pair) -> Pair:
     return _SHIFT * low, _SHIFT * high
 
 
-@lru_cache  # a scenario asks for its bodies in every step of an environment
+@lru_cache  # a scenario asks for its bodies and its ground in every reset of an environment
 def _build(section: AnyBody) -> tuple[Body, ...]:
     return tuple(one.build() for one in (section.of if isinstance(section, ChoiceBody) else (section,)))
+
+
+@lru_cache
+def _records(section: AnyBody) -> np.ndarray:
+    return np.concatenate([body.record for body in _build(section)])
+
+
+@lru_cache
+def _laid(profile: Profile) -> Grounds:
+    return Grounds.of((vertices_of(profile),))
 
 
 def _given(content: dict[str, Any]) -> dict[str, Any]:

@@ -13,7 +13,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.scenarios.configuration import Pair
-from sledenv.simulation.scene import Profile
 from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
@@ -97,13 +96,6 @@ def _logarithms(values: Floats) -> Floats:
         series = series * square + 1.0 / k
     logarithms: Floats = exponent * math.log(2.0) + 2.0 * ratio * series
     return logarithms
-
-
-def profiles_of(vertices: Floats) -> list[Profile]:
-    """Return the profiles of grounds, N of shape (N, M, 3)."""
-    counts = np.isfinite(vertices[..., 0]).sum(axis=1).tolist()
-    rows = zip(vertices.tolist(), counts, strict=True)
-    return [tuple((x, y, radius) for x, y, radius in row[:count]) for row, count in rows]
 
 
 def _packed(x: Floats, y: Floats, rounding: float, kept: NDArray[np.bool_]) -> Floats:

@@ -6,66 +6,50 @@ import math
 import sys
 import warnings
 from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
-from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, Law, Limits, RigidLaw
+from sledenv.kernel.params import SCENE, ZONE_FIELDS, Limits
 from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.fineness import too_fine
-from sledenv.simulation.lanes import Tables, check_room
+from sledenv.simulation.grounds import Grounds
+from sledenv.simulation.lanes import check_room
 from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
 from sledenv.simulation.scene import (
     ContactLaw,
+    Profile,
     Slope,
     SlopeTable,
     State,
-    Tracks,
     Zone,
-    laid,
     misplaced_zones,
-    restitution_of,
-    sharp_crests,
+    vertices_of,
 )
+from sledenv.simulation.scenes import NO_ZONES, Scenes, columns, settle_speed
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.simulation.support import within_a_turn
 
 Bodies = Body | Sequence[Body] | np.ndarray
 Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray | SlopeTable
 
-_ASYMMETRY, _RESTITUTION = ContactLaw._fields.index("asymmetry"), Zone._fields.index("restitution")
+_SLOPE: Final = len(params.Slope._fields)
+_LAW, _INCLINE = columns("stiffness", "corner_rolling_arm"), columns("angle", "gravity")
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
-_SETTLE = 1e-5  # of sqrt(gravity * size): approach speed below which a rigid impact is plastic
-
-
-class CheckedLanes(NamedTuple):
-    """What the kernel follows in N lanes, new arrays of one row a lane or one for all."""
-
-    kind: type[Law]  # of the rows of laws
-    bodies: np.ndarray  # of kernel.outline.BODY
-    laws: np.ndarray
-    slopes: np.ndarray
-    launches: np.ndarray
-    tracks: Tracks
-
-    def tables(self, limits: Limits) -> Tables:
-        """Return what the loop over lanes takes."""
-        rigid = int(self.kind is RigidLaw)
-        return Tables(rigid, limits, self.bodies, self.laws, self.slopes, self.launches, *laid(self.tracks))
 
 
 class CheckedDescent(NamedTuple):
     """What one descent is of."""
 
     body: Body
-    law: ContactLaw  # as it was given
+    law: ContactLaw
     slope: Slope
     launch: State
-    lanes: CheckedLanes  # one, for the kernel
+    scenes: Scenes  # of one lane, for the kernel
 
 
 class _Names(NamedTuple):
@@ -95,13 +79,16 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
     launch = made("launch", State, launch)
     if not math.isfinite(sum(launch)):  # as that of an outcome may be
         launch = State(*launch)
-    row = np.array([[*law, *slope.row, *launch]])
-    rows = row[:, : len(law)], row[:, len(law) : -len(launch)], row[:, -len(launch) :]
-    lanes = _allowed(_ONE, CheckedLanes(params.ContactLaw, body.record, *rows, Tracks.of((slope.ground,))), settings)
-    return CheckedDescent(body, law, slope, State.found(lanes.launches[0].tolist()), lanes)
+    ground = Grounds.of((vertices_of(slope.ground),))
+    zones = np.array([zone.row for zone in slope.zones]) if slope.zones else NO_ZONES
+    places = 0.0, 0.0, len(ground.pieces), 0.0, len(zones)
+    settle = settle_speed(slope.gravity, body.size) if settings.settle_speed is None else settings.settle_speed
+    row = np.array([*places, *law, settle, *slope[:_SLOPE], *launch, 1.0, 0.0])
+    scenes = _allowed(_ONE, Scenes(row.view(SCENE), body.record, ground.pieces, zones), settings)
+    return CheckedDescent(body, law, slope, State.found(scenes.launches[0].tolist()), scenes)
 
 
-def checked_lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> CheckedLanes:
+def checked_scenes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> Scenes:
     """Check what N lanes are given.
 
     Raises
@@ -112,18 +99,37 @@ def checked_lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, s
     if isinstance(launches, np.ndarray):  # one that is broadcast takes no room yet
         check_room(launches.size * 8, f"launches: their {launches.size} numbers", "give fewer at a time")
     starts = checked_table("launches", launches, State._fields, State.rules)
-    count = len(starts)
-    rows = records_of(body, count), _rows_of_laws(law, count), _rows_of_slopes(slope, count)
-    return _allowed(_MANY, CheckedLanes(params.ContactLaw, *rows, starts, _tracks_of(slope)), settings)
+    bodies, laws = records_of(body, len(starts)), _rows_of_laws(law, len(starts))
+    slopes, ground = _rows_of_slopes(slope, len(starts)), _grounds_of(slope)
+    scenes = Scenes(np.zeros(len(starts), SCENE), bodies, ground.pieces, NO_ZONES)
+    rows, table = scenes.rows, scenes.table
+    rows["body"] = np.arange(len(bodies))
+    rows["ground"], rows["ground_end"] = ground.places.T
+    if slopes.shape[1] > _SLOPE:
+        zones = slopes[:, _SLOPE:].reshape(len(slopes), -1, ZONE_FIELDS)
+        there = ~np.isnan(zones).all(axis=-1)
+        rows["zones_end"] = ends = np.cumsum(there.sum(axis=1))
+        rows["zones"] = ends - there.sum(axis=1)
+        scenes = scenes._replace(zones=zones[there])
+    table[:, _LAW], table[:, _INCLINE], scenes.launches[:] = laws, slopes[:, :_SLOPE], starts
+    own = settings.settle_speed
+    rows["settle_speed"] = settle_speed(slopes[:, _SLOPE - 1], bodies["size"]) if own is None else own
+    rows["rotor_inertia"] = 1.0
+    return _allowed(_MANY, scenes, settings)
 
 
-def _allowed(names: _Names, lanes: CheckedLanes, settings: Settings) -> CheckedLanes:
-    """Return lanes whose fields have been checked, as the solver follows them, if they are allowed together."""
-    _check_bounce(names, lanes, settings.solver)
-    _check_ground(names, lanes, settings.solver)
-    _admit(names, lanes)
-    _warn_of_fine_ground(names, lanes)
-    return _stiff_limit(lanes, settings.settle_speed) if settings.solver == "rigid" else lanes
+def admitted(scenes: Scenes, settings: Settings) -> Scenes:
+    """Return scenes whose fields are known to be right, if they are allowed together; else raise ValueError."""
+    return _allowed(_MANY, scenes, settings)
+
+
+def _allowed(names: _Names, scenes: Scenes, settings: Settings) -> Scenes:
+    """As :func:`admitted`, with names for messages."""
+    _check_bounce(names, scenes, settings.solver)
+    _check_ground(names, scenes, settings.solver)
+    _admit(names, scenes)
+    _warn_of_fine_ground(names, scenes)
+    return scenes
 
 
 def limits_of(body: Bodies, settings: Settings) -> Limits:
@@ -142,7 +148,7 @@ def limits_of(body: Bodies, settings: Settings) -> Limits:
             if name not in parts:
                 raise ValueError(f"Settings.end_touching = {name!r}: must be a part of the body, one of {parts}")
             codes.add(parts.index(name) + 1)
-        if len(codes) > 1:
+        if len(codes) != 1:
             raise ValueError(f"Settings.end_touching = {name!r}: must have the same place in the parts of all bodies")
         total |= sum(1 << code for code in codes)
     return settings.limits._replace(end_parts=float(total)) if total else settings.limits
@@ -192,14 +198,22 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     return rows
 
 
-def _tracks_of(given: Slopes) -> Tracks:
+def _grounds_of(given: Slopes) -> Grounds:
     """Ground of one or of N slopes."""
     if isinstance(given, Slope):
-        return Tracks.of((given.ground,))
+        return Grounds.of((vertices_of(given.ground),))
     if isinstance(given, SlopeTable):
-        return Tracks.of(given.profiles)
+        return Grounds.of((vertices_of(given.profile),))
     rows: Any = () if isinstance(given, np.ndarray) or is_frame(given) else given
-    return Tracks.of([one.ground if isinstance(one, Slope) else () for one in rows])
+    found: dict[Profile, int] = {}
+    seen: dict[int, int] = {}  # by identity, as long ones take a while to compare
+    numbers = []
+    profiles = [one.ground if isinstance(one, Slope) and one.profile else () for one in rows]
+    for slope, profile in zip(rows, profiles, strict=True):
+        if id(slope) not in seen:
+            seen[id(slope)] = found.setdefault(profile, len(found))
+        numbers.append(seen[id(slope)])
+    return Grounds.of([vertices_of(profile) for profile in found or [()]], numbers)
 
 
 def _width(row: Any) -> int:
@@ -227,19 +241,7 @@ def _check_zones(zones: np.ndarray, lengths: np.ndarray) -> None:
             raise ValueError(f"slope[{lane}].zones[{one.zone}].{one.field} = {value!r}: {what}")
 
 
-def _stiff_limit(lanes: CheckedLanes, settle_speed: float | None) -> CheckedLanes:
-    """Stiff limit of lanes; the speed below which an impact is plastic depends on body and slope, unless given."""
-    law = params.ContactLaw._make(lanes.laws.T)
-    gravity, size = lanes.slopes[:, params.Slope._fields.index("gravity")], lanes.bodies["size"]
-    settle = np.array([settle_speed]) if settle_speed is not None else _SETTLE * np.sqrt(gravity * size)
-    columns = restitution_of(law.asymmetry), law.friction, law.rolling_arm, law.corner_rolling_arm, settle
-    rows = np.empty((max(len(settle), len(lanes.laws)), len(columns)))
-    for i, column in enumerate(columns):
-        rows[:, i] = column
-    return lanes._replace(kind=RigidLaw, laws=rows)
-
-
-def _check_bounce(names: _Names, lanes: CheckedLanes, solver: str) -> None:
+def _check_bounce(names: _Names, scenes: Scenes, solver: str) -> None:
     """Refuse compliant surfaces that give nothing back.
 
     Raises
@@ -250,18 +252,19 @@ def _check_bounce(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     why = "springs that give nothing back never let go; solver = 'rigid' takes it"
     if solver == "rigid":
         return
-    plastic = lanes.laws[:, _ASYMMETRY] == 1.0
+    plastic = scenes.rows["asymmetry"] == 1.0
     if np.count_nonzero(plastic):  # of few lanes any() takes ten times as long
         name = names.law.format(lane=int(np.argmax(plastic)))
         raise ValueError(f"{name}.asymmetry = 1.0 (restitution 0): must be in [0, 1) with solver = {solver!r}: {why}")
-    restitutions = lanes.slopes[:, SLOPE_FIELDS + _RESTITUTION :: ZONE_FIELDS]
-    if restitutions.size and np.count_nonzero(restitutions == 0.0):
-        lane, zone = np.argwhere(restitutions == 0.0)[0].tolist()
-        name = f"{names.slope.format(lane=lane)}.zones[{zone}]"
+    dead = scenes.zones[:, Zone._fields.index("restitution")] == 0.0
+    if np.count_nonzero(dead):
+        k = int(np.argmax(dead))
+        lane = int(np.argmax(scenes.rows["zones_end"] > k))
+        name = f"{names.slope.format(lane=lane)}.zones[{k - int(scenes.rows['zones'][lane])}]"
         raise ValueError(f"{name}.restitution = 0.0: must be in (0, 1] with solver = {solver!r}: {why}")
 
 
-def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
+def _check_ground(names: _Names, scenes: Scenes, solver: str) -> None:
     """Refuse what cannot be simulated over a profile.
 
     Raises
@@ -269,16 +272,17 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
     ValueError
         For rigid surfaces, and for a body with a sharp corner where there are sharp crests.
     """
-    bodies, tracks = lanes.bodies, lanes.tracks
-    if tracks.is_plane:
+    if scenes.is_plane:
         return
     if solver != "compliant":
         raise ValueError(f"solver = {solver!r}: must be 'compliant' on a slope with a profile")
-    count, sharp = len(lanes.launches), has_sharp_corner(bodies)
+    sharp = has_sharp_corner(scenes.bodies)
     if not sharp.any():
         return
-    crests = np.array([sharp_crests(vertices).any() for vertices in tracks.vertices])
-    wrong = np.broadcast_to(sharp, count) & np.broadcast_to(crests[tracks.numbers], count)
+    pieces, rows = scenes.pieces, scenes.rows
+    crests = np.r_[0, np.cumsum((pieces["bend"] > 0) & (pieces["radius"] == 0.0))]
+    begins, ends = (rows[name].astype(np.intp) for name in ("ground", "ground_end"))
+    wrong = sharp[scenes.body] & (crests[ends] > crests[begins])
     if wrong.any():
         raise ValueError(
             f"{names.body.format(lane=int(np.argmax(wrong)))} has a sharp corner: all arcs must have a radius > 0 "
@@ -287,11 +291,9 @@ def _check_ground(names: _Names, lanes: CheckedLanes, solver: str) -> None:
         )
 
 
-def _warn_of_fine_ground(names: _Names, lanes: CheckedLanes) -> None:
+def _warn_of_fine_ground(names: _Names, scenes: Scenes) -> None:
     """Warn of a polyline that is cut too finely for a body and a stiffness, where the user calls the package."""
-    if lanes.tracks.is_plane:
-        return
-    found = too_fine(lanes.bodies, lanes.laws, lanes.slopes, lanes.tracks)
+    found = None if scenes.is_plane else too_fine(scenes)
     if found is None:
         return
     level, frame = 1, sys._getframe()
@@ -315,7 +317,7 @@ def has_sharp_corner(bodies: np.ndarray) -> np.ndarray:
     return sharp
 
 
-def _admit(names: _Names, lanes: CheckedLanes) -> None:
+def _admit(names: _Names, scenes: Scenes) -> None:
     """Take whole turns off launches, in place, and lift those that lie on the surface up to rounding.
 
     A large orientation would round off every small turn that is added to it.
@@ -325,21 +327,22 @@ def _admit(names: _Names, lanes: CheckedLanes) -> None:
     ValueError
         If one lies below the surface or beyond the end of its slope.
     """
-    x, y, phi = lanes.launches.T[:3]
+    x, y, phi = scenes.launches.T[:3]
     if np.count_nonzero(np.abs(phi) > np.pi):
         phi[:] = within_a_turn(phi)
-    lengths = lanes.slopes[:, 1]
+    lengths = scenes.rows["length"]
     beyond = x >= lengths
     if np.count_nonzero(beyond):
         i = int(np.argmax(beyond))
-        length = float(lengths[i if len(lengths) > 1 else 0])
+        length = float(lengths[i])
         raise ValueError(f"{names.launch.format(lane=i)}.x = {float(x[i])!r}: must be < Slope.length = {length!r} m")
-    if lanes.tracks.is_plane and not np.count_nonzero(y < (1.0 + _SURFACE) * lanes.bodies["size"]):
+    sizes = scenes.bodies["size"] if len(scenes.bodies) == 1 else scenes.of_body("size")
+    if scenes.is_plane and not np.count_nonzero(y < (1.0 + _SURFACE) * sizes):
         return  # all are further up than their bodies reach
-    lowest = resting_heights(lanes.bodies, x, phi, lanes.tracks)
+    lowest = scenes.resting_heights(x, phi)
     lies = y < lowest
     if np.count_nonzero(lies):
-        below = y - lowest < -_SURFACE * lanes.bodies["size"]
+        below = y - lowest < -_SURFACE * sizes
         if below.any():
             i = int(np.argmax(below))
             raise ValueError(

@@ -15,8 +15,8 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.kernel.params import SLOPE_FIELDS, ZONE_FIELDS, ContactLaw, Slope, Zone
-from sledenv.simulation.scene import Tracks
+from sledenv.kernel.params import Zone
+from sledenv.simulation.scenes import Scenes
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
@@ -24,8 +24,7 @@ Indices = NDArray[np.intp]
 IN_A_ROW: Final = 3  # so many pieces that are too short make a ground too fine: of noise, one or two may be
 _PAIRS: Final = 1 << 14  # of a body and a place that are looked at together
 
-_STIFFNESS, _GRAVITY = ContactLaw._fields.index("stiffness"), Slope._fields.index("gravity")
-_OF_ZONE = Zone._fields.index("stiffness")
+_OF_ZONE: Final = Zone._fields.index("stiffness")
 
 
 class TooFine(NamedTuple):
@@ -47,46 +46,55 @@ class _Rows(NamedTuple):
     tracks: Indices  # of which track each is, shape (w,), in order
 
 
-def too_fine(bodies: np.ndarray, laws: np.ndarray, slopes: np.ndarray, tracks: Tracks) -> TooFine | None:
-    """Return where a ground is cut too finely for a body and a stiffness, of lanes as they are checked."""
-    rows = _rows_of(tracks)
-    if not len(rows.x):
+def too_fine(scenes: Scenes) -> TooFine | None:
+    """Return where a ground is cut too finely for a body and a stiffness."""
+    rows, bodies = scenes.rows, scenes.bodies
+    places, numbers = np.unique(np.stack([rows["ground"], rows["ground_end"]], axis=-1), axis=0, return_inverse=True)
+    vertices = [scenes.pieces[begin + 1 : end] for begin, end in places.astype(np.intp).tolist()]
+    found = _rows_of(vertices)
+    if not len(found.x):
         return None
-    stiffness = laws[:, _STIFFNESS]
-    own = slopes[:, SLOPE_FIELDS + _OF_ZONE :: ZONE_FIELDS]
-    if own.size:
-        stiffness = np.fmin(stiffness, np.fmin.reduce(own, axis=1))  # of the softest zone
-    depths = bodies["mass"] * slopes[:, _GRAVITY] / stiffness
-    rows = _shorter(rows, float(depths.max()), bodies)
-    if not len(rows.x):
+    depths = scenes.of_body("mass") * rows["gravity"] / _softest(scenes)
+    found = _shorter(found, float(depths.max()), bodies)
+    if not len(found.x):
         return None
-    begins = np.searchsorted(rows.tracks, np.arange(len(tracks.vertices) + 1))
+    begins = np.searchsorted(found.tracks, np.arange(len(vertices) + 1))
     if len(bodies) == 1:  # over each track once
-        allowed, places = _allowed(rows, bodies, begins[:-1], begins[1:])
-        return _first(rows, depths, allowed[tracks.numbers], places[tracks.numbers], 0)
-    begins, ends = np.broadcast_to(begins[tracks.numbers], len(bodies)), begins[tracks.numbers + 1]
-    ends = np.broadcast_to(ends, len(bodies))
-    for part in _parts(ends - begins):
-        allowed, places = _allowed(rows, bodies[part], begins[part], ends[part])
-        found = _first(rows, depths[part] if len(depths) > 1 else depths, allowed, places, part.start)
-        if found is not None:
-            return found
+        allowed, at = _allowed(found, bodies, begins[:-1], begins[1:])
+        return _first(found, depths, allowed[numbers], at[numbers], 0)
+    for part in _parts(begins[numbers + 1] - begins[numbers]):
+        own = bodies[scenes.body[part]]
+        allowed, at = _allowed(found, own, begins[numbers[part]], begins[numbers[part] + 1])
+        wrong = _first(found, depths[part], allowed, at, part.start)
+        if wrong is not None:
+            return wrong
     return None
 
 
-def _rows_of(tracks: Tracks) -> _Rows:
-    """Return where pieces lie in a row between dips."""
-    one = len(tracks.vertices) == 1
-    vertices = tracks.vertices[0] if one else np.concatenate(tracks.vertices)
-    along = np.diff(vertices[:, :2], axis=0)
+def _softest(scenes: Scenes) -> Floats:
+    """Return the stiffness [N/m] of the softest surface of each lane."""
+    rows, own = scenes.rows, np.r_[scenes.zones[:, _OF_ZONE], math.nan]
+    if len(own) == 1:
+        return np.asarray(rows["stiffness"])
+    ends = np.stack([rows["zones"], rows["zones_end"]], axis=-1).astype(np.intp)
+    # Of a lane without zones reduceat tells that which would be its first one.
+    softest = np.fmin.reduceat(own, ends.ravel())[::2]
+    stiffness: Floats = np.fmin(rows["stiffness"], np.where(ends[:, 1] > ends[:, 0], softest, math.nan))
+    return stiffness
+
+
+def _rows_of(grounds: list[np.ndarray]) -> _Rows:
+    """Return where pieces lie in a row between dips, of grounds: pieces without the first one, told by their vertex."""
+    vertices = np.concatenate(grounds)
+    x, y = vertices["x"], vertices["y"]
+    along = np.stack([np.diff(x), np.diff(y)], axis=-1)
     dips = np.zeros(len(vertices), bool)
     # The first and the last vertex of a track are left out: no piece lies on their other side.
     crossed = along[:-1, 0] * along[1:, 1] - along[:-1, 1] * along[1:, 0]
-    dips[1:-1] = (crossed > 0.0) & (vertices[1:-1, 2] == 0.0)
-    if not one:
-        ends = np.cumsum([len(each) for each in tracks.vertices])
-        inside = ends[ends < len(vertices)]
-        dips[inside] = dips[inside - 1] = False
+    dips[1:-1] = (crossed > 0.0) & (vertices["radius"][1:-1] == 0.0)
+    ends = np.cumsum([len(each) for each in grounds])
+    inside = ends[ends < len(vertices)]
+    dips[inside] = dips[inside - 1] = False
     count = max(len(vertices) - IN_A_ROW, 0)
     together = dips[:count]
     for k in range(1, IN_A_ROW + 1):
@@ -98,11 +106,11 @@ def _rows_of(tracks: Tracks) -> _Rows:
         return _Rows(none, none, none, none, first)
     turns = np.arctan2(crossed[joints - 1], (along[joints - 1] * along[joints]).sum(axis=-1))
     return _Rows(
-        0.5 * (vertices[first, 0] + vertices[first + IN_A_ROW, 0]),
+        0.5 * (x[first] + x[first + IN_A_ROW]),
         np.sqrt((along[joints[:, :-1]] ** 2).sum(axis=-1)),
         0.5 * (turns[:, 1:] + turns[:, :-1]),
         turns.sum(axis=1),
-        np.zeros(len(first), np.intp) if one else np.searchsorted(ends, first, side="right"),
+        np.searchsorted(ends, first, side="right"),
     )
 
 

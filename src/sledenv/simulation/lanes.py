@@ -11,21 +11,21 @@ from collections.abc import Callable
 from concurrent.futures import Future, wait
 from pathlib import Path
 from threading import Event
-from typing import TYPE_CHECKING, Any, NamedTuple, Self
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from sledenv.kernel.contacts import SPACE
 from sledenv.kernel.entries import run_lanes
 from sledenv.kernel.params import Limits
 from sledenv.kernel.records import REBOUND, TRAJECTORY
 from sledenv.simulation.rules import checked_count
+from sledenv.simulation.scenes import Scenes
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
-ALL_HOPS = np.empty((0, 3))  # trims of descents that are followed to their ends
+ALL_HOPS = np.empty((0, 2))  # trims of descents that are followed to their ends
 NO_LOGS = np.zeros((0, 0), REBOUND)
 _FEWEST, _MOST = 16, 128  # lanes of a block: enough to be worth a call, few enough to heed an interrupt
 _BLOCKS = 8  # a thread, at least: the last ones are not left waiting for one
@@ -77,27 +77,6 @@ def check_room(size: int, what: str, remedy: str) -> None:
         raise MemoryError(f"{what} take {size / 1e9:.3g} GB, and there are {room / 1e9:.3g} GB; {remedy}")
 
 
-# Lanes.
-
-
-class Tables(NamedTuple):
-    """What the lanes of a batch have: see :func:`sledenv.kernel.batch.descend_lanes`."""
-
-    rigid: int  # 1 of rigid surfaces, 0 of compliant ones
-    limits: Limits
-    bodies: np.ndarray  # of BODY; this and the next four have one row for all lanes, or one for each
-    laws: np.ndarray
-    slopes: np.ndarray
-    launches: np.ndarray
-    tracks: np.ndarray  # see :func:`sledenv.simulation.scene.laid`
-    pieces: np.ndarray  # of the ground, of all tracks
-
-    def part(self, lanes: slice | NDArray[np.intp]) -> Self:
-        """Return those of some lanes."""
-        rows = {name: getattr(self, name) for name in ("bodies", "laws", "slopes", "launches", "tracks")}
-        return self._replace(**{name: table[lanes] for name, table in rows.items() if len(table) > 1})
-
-
 def num_threads() -> int:
     """Threads that a batch may use: ``NUMBA_NUM_THREADS``, which joblib sets for its workers, or else all cores.
 
@@ -113,7 +92,9 @@ def num_threads() -> int:
 
 
 def follower(
-    tables: Tables,
+    rigid: bool,
+    limits: Limits,
+    scenes: Scenes,
     trims: np.ndarray,
     flights: np.ndarray,
     rebounds: np.ndarray,
@@ -126,9 +107,7 @@ def follower(
     """
     logs = rebounds if len(rebounds) else np.empty((1, 1), REBOUND)
     space = blank(SPACE)
-    rigid, limits, *given, tracks, pieces = tables
-    written = flights, logs, trajectory, space
-    run = run_lanes.prepared(rigid, limits, *given, trims, tracks, pieces, *written)
+    run = run_lanes.prepared(int(rigid), limits, *scenes.given, trims, flights, logs, trajectory, space)
     lane = space["lane"]
 
     def follow(first: int, last: int) -> None:
@@ -140,7 +119,13 @@ def follower(
 
 
 def follow_all(
-    tables: Tables, trims: np.ndarray, flights: np.ndarray, rebounds: np.ndarray, trajectory: np.ndarray = NO_ROWS
+    rigid: bool,
+    limits: Limits,
+    scenes: Scenes,
+    trims: np.ndarray,
+    flights: np.ndarray,
+    rebounds: np.ndarray,
+    trajectory: np.ndarray = NO_ROWS,
 ) -> None:
     """Follow all lanes, or a hop of each, in blocks that threads take one after the other: see :func:`follower`.
 
@@ -148,14 +133,14 @@ def follow_all(
     """
     lanes = len(flights)
     if lanes <= _FEWEST:
-        follower(tables, trims, flights, rebounds, trajectory)(0, lanes)
+        follower(rigid, limits, scenes, trims, flights, rebounds, trajectory)(0, lanes)
         return
     threads = min(num_threads(), max(1, lanes // _WORTH_A_THREAD))
     size = min(max(lanes // (_BLOCKS * threads), _FEWEST), _MOST)
     starts, ended = deque(range(0, lanes, size)), Event()
 
     def work() -> None:
-        follow = follower(tables, trims, flights, rebounds, ended=ended)
+        follow = follower(rigid, limits, scenes, trims, flights, rebounds, ended=ended)
         while True:
             try:
                 start = starts.popleft()

@@ -9,6 +9,7 @@ from sledenv.kernel.entries import LIBRARY
 from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.kernel.outline import BODY, GIVEN, MOST_ARCS
+from sledenv.kernel.params import SCENE
 from sledenv.kernel.records import (
     CONTACT_FORCES,
     CONTACT_LOSSES,
@@ -48,6 +49,7 @@ __all__ = [
     "PIECE",
     "REBOUND",
     "RUNNING",
+    "SCENE",
     "SPACE",
     "STATUS_OF_CODE",
     "TIMEOUT",

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Iterable, Iterator, Sequence
 from typing import Any, ClassVar, Final, NamedTuple, Self
@@ -11,9 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel import params
-from sledenv.kernel.entries import run_heights, run_lay, run_lay_each
-from sledenv.kernel.geometry import PIECE
 from sledenv.kernel.ground import MOST_ZONES
+from sledenv.simulation.grounds import heights_on, pieces_of
 from sledenv.simulation.rules import (
     CLOSED_FRACTION,
     FINITE,
@@ -34,7 +32,6 @@ Profile = tuple[tuple[float, float, float], ...]  # vertices x, y and the radii 
 MOST_VERTICES: Final = 16384
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
 STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none, if rounding of its place makes no larger one
-_FIRST: Final = np.zeros(1, np.intp)  # nobody writes to it
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
 _PAIRS: Final = "must be a sequence of pairs (x, y) of numbers, or an array of shape (n, 2)"
@@ -44,32 +41,6 @@ _RADIUS: Rule = (lambda v: v >= 0.0, "in [0, inf] m")
 
 
 # Profiles.
-
-
-def pieces_of(vertices: Floats) -> np.ndarray:
-    """Return the pieces of ground with their bends, kernel.geometry.PIECE of shape (n + 1,), of (n, 3) vertices."""
-    pieces = np.zeros(len(vertices) + 1, PIECE)
-    run_lay(vertices, pieces)
-    return pieces
-
-
-@functools.cache
-def _plane() -> tuple[Floats, np.ndarray]:
-    """Return what the kernel reads of a plane, which nobody writes to."""
-    return np.array([[0.0, 1.0]]), pieces_of(np.empty((0, 3)))
-
-
-def laid(tracks: Tracks) -> tuple[Floats, np.ndarray]:
-    """Return what the kernel reads of the ground: which pieces a lane has, shape (1 or N, 2), and all pieces."""
-    if len(tracks.vertices) == 1:
-        (vertices,) = tracks.vertices
-        if not len(vertices):
-            return _plane()
-        return np.array([[0.0, len(vertices) + 1.0]]), pieces_of(vertices)
-    ends = np.cumsum([len(vertices) + 1 for vertices in tracks.vertices])
-    spans, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1).astype(float), np.zeros(ends[-1], PIECE)
-    run_lay_each(np.concatenate(tracks.vertices), spans, pieces)
-    return spans[tracks.numbers], pieces
 
 
 def checked_profile(given: Any, rounding: Any = 0.0) -> Profile:
@@ -200,36 +171,6 @@ def _turns(vertices: Floats) -> Floats:
 def vertices_of(profile: Profile) -> Floats:
     """Return the vertices of a profile and their radii, shape (n, 3), in C order."""
     return np.array(profile, float).reshape(len(profile), 3)
-
-
-class Tracks(NamedTuple):
-    """The ground under each lane of a batch."""
-
-    vertices: tuple[Floats, ...]  # of profiles, x, y and radius [m], shapes (n, 3); (0, 3) of the plane
-    numbers: NDArray[np.intp]  # which of them a lane has, shape (N,), or (1,) if all have the same
-
-    @classmethod
-    def of(cls, profiles: Sequence[Profile]) -> Self:
-        """Return the tracks of one profile for all lanes, or of one a lane."""
-        if len(profiles) == 1:
-            return cls((vertices_of(profiles[0]),), _FIRST)
-        found: dict[Profile, int] = {}
-        seen: dict[int, int] = {}  # by identity, as long ones take a while to compare
-        numbers = []
-        for profile in profiles or ((),):
-            if id(profile) not in seen:
-                seen[id(profile)] = found.setdefault(profile, len(found))
-            numbers.append(seen[id(profile)])
-        return cls(tuple(map(vertices_of, found)), np.array(numbers if len(found) > 1 else [0], np.intp))
-
-    @property
-    def is_plane(self) -> bool:
-        """Whether there is no profile."""
-        return not any(map(len, self.vertices))
-
-    def lanes(self, track: int) -> NDArray[np.intp] | slice:
-        """Return which lanes have a track, as an index."""
-        return np.flatnonzero(self.numbers == track) if len(self.numbers) > 1 else slice(None)
 
 
 def tangents(vertices: Floats) -> Floats:
@@ -459,7 +400,7 @@ class Slope(Checked, _SlopeFields):
     def height_at(self, x: ArrayLike) -> np.ndarray:
         """Height [m] of the ground over the plane of the slope at places ``x`` [m] along it, same shape."""
         places = numbers_of("x", x, "numbers")
-        return heights_of(self.vertices, places)
+        return heights_on(pieces_of(self.vertices), places)
 
     def friction_at(self, x: np.ndarray, elsewhere: float) -> np.ndarray:
         """Friction [-] at places ``x`` [m] along the slope, same shape; ``elsewhere`` is that outside of the zones."""
@@ -469,18 +410,11 @@ class Slope(Checked, _SlopeFields):
         return friction
 
 
-def heights_of(vertices: Floats, x: Floats) -> Floats:
-    """Heights [m] of the ground at places [m], of any shape, from vertices of shape (n, 3)."""
-    heights = np.empty(np.shape(x))
-    run_heights(pieces_of(vertices), np.ascontiguousarray(x, float).reshape(-1), heights.reshape(-1))
-    return heights
-
-
 class SlopeTable(NamedTuple):
-    """Many slopes as a table, and their profiles, which have been checked."""
+    """Many slopes as a table, over one profile that has been checked."""
 
-    rows: np.ndarray  # angle, length and gravity, then the fields of zones: see :mod:`sledenv.kernel.params`
-    profiles: Sequence[Profile]  # one for all slopes, or one a slope
+    rows: np.ndarray  # angle, length and gravity, then the fields of zones, NaN where one has fewer
+    profile: Profile
 
 
 def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:

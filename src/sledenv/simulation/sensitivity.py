@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from sledenv.kernel.ground import MOST_ZONES
 from sledenv.simulation.bodies import Body, Segment, holds_its_mass_centre, made_body, segment, segment_records
 from sledenv.simulation.checks import has_sharp_corner
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import (
@@ -29,7 +30,6 @@ from sledenv.simulation.scene import (
     Slope,
     SlopeTable,
     State,
-    Tracks,
     Zone,
     asymmetry_of,
     misplaced_zones,
@@ -441,8 +441,8 @@ class Neighbours:
             fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
         records, slope = self.records(bodies[found]), self.descent.slope
-        tracks = Tracks.of((slope.ground,))
-        heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), tracks)
+        ground, lanes = Grounds.of((slope.vertices,)), np.arange(float(len(found)))
+        heights = resting_heights(records, launches[found, 0], within_a_turn(launches[found, 2]), ground, lanes)
         fine[found] = launches[found, 1] >= heights
         fine[found] &= ~(self.crests & has_sharp_corner(records))
         return fine
@@ -490,7 +490,7 @@ class Neighbours:
         """Simulate descents that differ by a change of one parameter each, block by block."""
         bodies, laws, slopes, launches = self.tables(which, changes)
         block = max(_BLOCK_RECORDS // self.settings.max_rebounds, 1)
-        table = SlopeTable(slopes, (self.descent.slope.ground,))
+        table = SlopeTable(slopes, self.descent.slope.ground)
         blocks = simulate_blocks(self.bodies(bodies), laws, table, launches, self.settings, block=block)
         for begin, batch in zip(range(0, len(changes), block), blocks, strict=True):
             yield slice(begin, begin + block), batch

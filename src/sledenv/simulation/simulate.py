@@ -4,43 +4,28 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from contextlib import nullcontext
-from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn, Unpack
+from typing import TYPE_CHECKING, NamedTuple, NoReturn, Self, Unpack
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from sledenv.kernel.params import Limits
 from sledenv.kernel.records import OUTCOME, TRAJECTORY
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_lanes, limits_of
-from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import (
-    ALL_HOPS,
-    NO_LOGS,
-    NO_ROWS,
-    Tables,
-    blank,
-    check_room,
-    follow_all,
-    new_log,
-    new_logs,
-    new_trajectory,
-)
+from sledenv.simulation.checks import Bodies, Laws, Slopes, checked_descent, checked_scenes, limits_of
+from sledenv.simulation.jam import DescentJam
+from sledenv.simulation.lanes import NO_LOGS, NO_ROWS, blank, check_room, new_log, new_logs, new_trajectory
 from sledenv.simulation.outcomes import RECORDS, Descent, DescentBatch, Record, descent_of
 from sledenv.simulation.rules import checked_choice, checked_count, checked_flag
 from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Fields, Settings, changed
+from sledenv.simulation.simulator import WHOLE, Simulator
 
 if TYPE_CHECKING:
     from tqdm import tqdm
 
 FIRST_TRAJECTORY = 4096  # rows, before it is known how many a descent takes
-_LAYOUT: Any = {
-    "names": ["state"],
-    "formats": [("f8", len(State._fields))],
-    "offsets": [OUTCOME.fields[State._fields[0]][1]] if OUTCOME.fields else [],
-    "itemsize": OUTCOME.itemsize,
-}
-_STATES = np.dtype(_LAYOUT)  # OUTCOME with the fields of State, which lie in a row, as one
 _BLOCK = 8192  # lanes of a batch that are simulated together
 
 
@@ -88,55 +73,45 @@ def simulate(
     settings = changed(settings, **fields)
     checked_choice("record", record, RECORDS)
     given = checked_descent(body, law, slope, launch, settings)
-    tables = given.lanes.tables(limits_of(given.body, settings))
-    rebounds, outcomes = new_log(settings.max_rebounds), blank(OUTCOME)
+    rebounds, limits = new_log(settings.max_rebounds), limits_of(given.body, settings)
     trajectory = np.zeros(FIRST_TRAJECTORY, TRAJECTORY) if record == "trajectory" else NO_ROWS
-    _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
-    if record == "trajectory" and outcomes["samples"][0] > len(trajectory):
-        trajectory, outcomes = (
-            new_trajectory(int(outcomes["samples"][0]), settings.sample_interval),
-            blank(OUTCOME),
-        )
-        _follow(tables, outcomes, rebounds[np.newaxis], trajectory)
-    return descent_of(*given[:4], outcomes[0], rebounds, trajectory, settings)
+    flights = blank(OUTCOME)
+    simulator = Simulator(given.scenes, settings.solver == "rigid", limits, rebounds[np.newaxis], flights)
+    simulator.run(trajectory)
+    if record == "trajectory" and (rows := int(simulator.flights["samples"][0])) > len(trajectory):
+        trajectory, simulator.flights = new_trajectory(rows, settings.sample_interval), flights
+        simulator.run(trajectory)
+    return descent_of(*given[:4], simulator.flights[0], rebounds, trajectory, settings)
 
 
-def put_at_launch(flights: np.ndarray, launches: np.ndarray) -> None:
-    """Put descents at their launches, rows of the fields of State; all else of ``flights``, of OUTCOME, is 0."""
-    flights["t_on_chord"] = flights["x_on_chord"] = flights["t_line"] = np.inf
-    flights.view(_STATES)["state"] = launches
-
-
-def _follow(tables: Tables, outcomes: np.ndarray, rebounds: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> None:
-    """Follow descents from their launches to their ends; ``outcomes`` and ``rebounds`` are 0."""
-    put_at_launch(outcomes, tables.launches)
-    follow_all(tables, ALL_HOPS, outcomes, rebounds, trajectory)
-
-
-class _Lanes(NamedTuple):
+class _Batch(NamedTuple):
     """A batch that has been checked."""
 
-    tables: Tables
+    scenes: Scenes
+    rigid: bool
+    limits: Limits
+
+    @classmethod
+    def of(cls, body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> Self:
+        """Check a batch."""
+        scenes = checked_scenes(body, law, slope, launches, settings)
+        return cls(scenes, settings.solver == "rigid", limits_of(body, settings))
 
     def parts(self, block: int) -> Iterator[slice]:
         """Split the lanes into blocks."""
-        lanes = len(self.tables.launches)
+        lanes = len(self.scenes.rows)
         return (slice(start, min(start + block, lanes)) for start in range(0, lanes, block))
 
     def log(self, lanes: int, keep: bool) -> np.ndarray:
         """Return empty rebound logs, of no lane unless they are kept."""
-        return new_logs(lanes, int(self.tables.limits.max_rebounds)) if keep else NO_LOGS
+        return new_logs(lanes, int(self.limits.max_rebounds)) if keep else NO_LOGS
 
-    def run(self, part: slice, outcomes: np.ndarray, rebounds: np.ndarray) -> DescentJam:
-        """Simulate a block of lanes and return its jam metrics; ``outcomes`` and ``rebounds`` are 0."""
-        tables = self.tables.part(part)
-        _follow(tables, outcomes, rebounds)
-        return descent_jam(outcomes, tables.bodies["mass"], tables.slopes[:, 1])
-
-
-def _lanes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, settings: Settings) -> _Lanes:
-    """Check a batch."""
-    return _Lanes(checked_lanes(body, law, slope, launches, settings).tables(limits_of(body, settings)))
+    def run(self, part: slice, rebounds: np.ndarray) -> DescentBatch:
+        """Simulate a block of lanes; their logs are 0."""
+        flights = np.zeros(part.stop - part.start, OUTCOME)
+        simulator = Simulator(self.scenes.take(part), self.rigid, self.limits, rebounds, flights)
+        simulator.run()
+        return DescentBatch(simulator.flights, rebounds, simulator.jam())
 
 
 def simulate_batch(
@@ -174,7 +149,7 @@ def simulate_batch(
     Returns
     -------
     DescentBatch
-        About 200 bytes a lane, without logs.
+        About 200 bytes a lane, without logs; while it is simulated as much again.
 
     Raises
     ------
@@ -185,16 +160,17 @@ def simulate_batch(
     ImportError
         If tqdm is missing and ``progress`` is asked for.
     """
-    lanes = _lanes(body, law, slope, launches, changed(settings, **fields))
-    count = len(lanes.tables.launches)
-    rebounds = lanes.log(count, checked_flag("keep_rebounds", keep_rebounds))
+    batch = _Batch.of(body, law, slope, launches, changed(settings, **fields))
+    count = len(batch.scenes.rows)
+    rebounds = batch.log(count, checked_flag("keep_rebounds", keep_rebounds))
     size = OUTCOME.itemsize + 8 * len(DescentJam._fields)
     check_room(count * size, f"launches: the outcomes of {count}", "take them block by block, see simulate_blocks")
     outcomes = np.zeros(count, OUTCOME)
     jam = np.empty((len(DescentJam._fields), count))
     with _bar(count) if checked_flag("progress", progress) else nullcontext() as bar:
-        for part in lanes.parts(_BLOCK):
-            jam[:, part] = lanes.run(part, outcomes[part], rebounds[part])
+        for part in batch.parts(_BLOCK):
+            found = batch.run(part, rebounds[part])
+            outcomes.view(WHOLE)[part], jam[:, part] = found.outcomes.view(WHOLE), found.jam
             if bar is not None:
                 bar.update(part.stop - part.start)
     return DescentBatch(outcomes, rebounds, DescentJam(*jam))
@@ -236,17 +212,15 @@ def simulate_blocks(
     TypeError, ValueError, MemoryError
         As :func:`simulate_batch`, when it is called.
     """
-    lanes = _lanes(body, law, slope, launches, changed(settings, **fields))
+    batch = _Batch.of(body, law, slope, launches, changed(settings, **fields))
     block = checked_count("block", block)
     keep_rebounds = checked_flag("keep_rebounds", keep_rebounds)
     # Refuses what will not fit before anything is simulated.
-    lanes.log(min(block, len(lanes.tables.launches)), keep_rebounds)
+    batch.log(min(block, len(batch.scenes.rows)), keep_rebounds)
 
     def blocks() -> Iterator[DescentBatch]:
-        for part in lanes.parts(block):
-            count = part.stop - part.start
-            outcomes, rebounds = np.zeros(count, OUTCOME), lanes.log(count, keep_rebounds)
-            yield DescentBatch(outcomes, rebounds, lanes.run(part, outcomes, rebounds))
+        for part in batch.parts(block):
+            yield batch.run(part, batch.log(part.stop - part.start, keep_rebounds))
 
     return blocks()
 

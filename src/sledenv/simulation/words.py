@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from typing import Final
 
-import numpy as np
-
 from sledenv.kernel.records import Mode
 from sledenv.machine.text_tables import aligned
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import ContactLaw, Slope, State, Tracks, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
-from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.simulation.support import clearance
 
 
 def part_name(body: Body, code: int) -> str:
@@ -52,8 +50,7 @@ def quantity(value: float, unit: str) -> str:
 
 def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
-    place, phi = np.array([launch.x]), within_a_turn(np.array([launch.phi]))
-    clearance = launch.y - float(resting_heights(body.record, place, phi, Tracks.of((slope.ground,)))[0])
+    clear = clearance(body, slope, launch)
     arm = f"rolling arm {law.rolling_arm:.4g} m"
     if _has_corners(body):
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
@@ -66,7 +63,7 @@ def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
         f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2"
         f"{_profile_words(slope)}\n{zones}"
         f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
-        f"speed {launch.u:.3f} m/s, clearance {clearance:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
+        f"speed {launch.u:.3f} m/s, clearance {clear:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
     )
 
 

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.checks import CheckedLanes, checked_lanes, limits_of
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.checks import limits_of
 from sledenv.simulation.jam import DescentJam, descent_jam
-from sledenv.simulation.lanes import ALL_HOPS, NO_LOGS, Tables, follow_all
-from sledenv.simulation.records import FINISH, OUTCOME
-from sledenv.simulation.scene import Slope
+from sledenv.simulation.lanes import NO_LOGS
+from sledenv.simulation.records import FINISH, OUTCOME, params
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.simulate import put_at_launch
-from sledenv.uncertainty.model import Lanes
+from sledenv.simulation.simulator import Simulator
 
+Limits = params.Limits
 PASSING: Final = ("speed_m_s", "kinetic_j", "bounce_m", "centre_m")
-_LENGTH: Final = Slope._fields.index("length")
 
 
 class Passages(NamedTuple):
@@ -37,7 +38,9 @@ class Passages(NamedTuple):
         return {name: one for name, one in zip(PASSING, self[2:], strict=True) if one is not None}
 
 
-def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings) -> Passages:
+def descend_past(
+    scenes: Scenes, stations: NDArray[np.float64], settings: Settings, bodies: Sequence[Body] = ()
+) -> Passages:
     """Simulate descents, and tell speed and energy where they first come to stations.
 
     On a slope that ends at a station the very same descent finishes there, exactly, be it in flight or in contact. So
@@ -45,25 +48,27 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
 
     Parameters
     ----------
-    lanes : Lanes
+    scenes : Scenes
         Of N descents.
     stations : ndarray, shape (K,)
         Distances [m], rising from 0, where all descents begin.
     settings : Settings
         How they are simulated.
+    bodies : sequence of Body
+        Whose parts settings may name.
     """
-    given, lengths = checked_ahead(lanes, settings)
-    count, tables = len(lengths), given.tables(limits_of(lanes.bodies, settings))
-    to_stations = tables._replace(limits=tables.limits._replace(run_out=0.0))
+    lengths, limits = scenes.rows["length"], limits_of(list(bodies), settings)
+    count = len(lengths)
     outcomes = np.zeros(count, OUTCOME)
     speed, kinetic = np.full((2, count, len(stations)), np.nan)
-    mass, inertia = given.bodies["mass"], given.bodies["inertia"]
-    _, _, _, u, v, omega = given.launches.T
+    mass, inertia = scenes.of_body("mass"), scenes.of_body("inertia")
+    _, _, _, u, v, omega = scenes.launches.T
     speed[:, 0] = np.hypot(u, v)
     kinetic[:, 0] = 0.5 * (mass * (u * u + v * v) + inertia * omega * omega)
+    rigid, to_stations = settings.solver == "rigid", limits._replace(run_out=0.0)
     going = np.arange(count)
     for k, station in enumerate(stations[1:], 1):
-        outcomes[going] = follow(to_stations.part(going), np.minimum(lengths[going], station))
+        outcomes[going] = follow(scenes.take(going), np.minimum(lengths[going], station), rigid, to_stations)
         going = going[outcomes["status"][going] == FINISH]
         there = going[lengths[going] >= station]
         speed[there, k] = np.hypot(outcomes["u"][there], outcomes["v"][there])
@@ -71,24 +76,16 @@ def descend_past(lanes: Lanes, stations: NDArray[np.float64], settings: Settings
         going = going[lengths[going] > station]
     if settings.run_out > 0.0:  # who has come to the line may still crash behind it
         going = np.flatnonzero((outcomes["status"] == FINISH) | np.isin(np.arange(count), going))
-    outcomes[going] = follow(tables.part(going), lengths[going])
+    outcomes[going] = follow(scenes.take(going), lengths[going], rigid, limits)
     return Passages(outcomes, descent_jam(outcomes, mass, lengths), speed, kinetic)
 
 
-def checked_ahead(lanes: Lanes, settings: Settings) -> tuple[CheckedLanes, NDArray[np.float64]]:
-    """Return lanes, checked, on slopes that go on for ever, and where theirs end [m]: see :func:`follow`."""
-    lengths, rows = lanes.slopes.rows[:, _LENGTH].copy(), lanes.slopes.rows.copy()
-    rows[:, _LENGTH] = np.inf  # a place may be where the ground is not level
-    slopes = lanes.slopes._replace(rows=rows)
-    return checked_lanes(lanes.bodies, lanes.laws, slopes, lanes.launches, settings), lengths
-
-
-def follow(tables: Tables, lengths: NDArray[np.float64], logs: np.ndarray = NO_LOGS) -> np.ndarray:
+def follow(
+    scenes: Scenes, lengths: NDArray[np.float64], rigid: bool, limits: Limits, logs: np.ndarray = NO_LOGS
+) -> np.ndarray:
     """Return the outcomes of descents, or of none, that end at places [m], whatever the ground is there."""
-    outcomes = np.zeros(len(lengths), OUTCOME)
-    if len(lengths):
-        slopes = np.repeat(tables.slopes, len(lengths) // len(tables.slopes), axis=0)
-        slopes[:, _LENGTH] = lengths
-        put_at_launch(outcomes, tables.launches)
-        follow_all(tables._replace(slopes=slopes), ALL_HOPS, outcomes, logs)
-    return outcomes
+    rows = scenes.own_rows()
+    rows["length"] = lengths
+    simulator = Simulator(scenes._replace(rows=rows), rigid, limits, logs, np.zeros(len(lengths), OUTCOME))
+    simulator.run()
+    return simulator.flights

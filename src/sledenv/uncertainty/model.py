@@ -8,7 +8,7 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self
+from typing import Annotated, Any, ClassVar, Final, Literal, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,10 +25,12 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.simulation.bodies import Body, records_of
+from sledenv.simulation.checks import admitted
+from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, Tracks, Zone, checked_profile
-from sledenv.simulation.support import resting_heights, within_a_turn
+from sledenv.simulation.scene import Zone, checked_profile, vertices_of
+from sledenv.simulation.scenes import Scenes, settle_speed
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive, TrackNumber
 from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
 
@@ -63,22 +65,12 @@ _BUMPS: Final = "slope.bumps"
 _EITHER: Final = ({"restitution", "asymmetry"}, {"profile_m", "profile_file", "bumps"})  # one stands for the others
 _SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity"}
 _NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
-_INCLINE: Final = ("angle", "length", "gravity")  # columns of a row of slopes before those of its zones
 _DROP, _TRACK = (Context._fields.index(name) for name in ("drop", "track"))
 _STATIONS: Final = 20
 
 
 class StudyError(ScenarioError):
     """A study that cannot be run; one line of the message for each problem."""
-
-
-class Lanes(NamedTuple):
-    """What N descents are given, as :func:`sledenv.simulate_batch` takes it."""
-
-    bodies: Body | list[Body] | np.ndarray  # one, or bodies or records of kernel.outline.BODY, one a lane
-    laws: NDArray[np.float64]
-    slopes: SlopeTable
-    launches: NDArray[np.float64]
 
 
 def _read(value: Any) -> Any:
@@ -288,54 +280,43 @@ class Study(Document):
         columns = zip(self.parameters.values(), draws.T, strict=True)
         return np.column_stack([distribution.at(column) for distribution, column in columns])
 
-    def lanes(self, values: NDArray[np.float64]) -> Lanes:
+    def scenes(self, values: NDArray[np.float64]) -> Scenes:
         """Return the descents of values of the parameters, shape (N, parameters)."""
         base = self.base
         given = {name: _si(name, column) for name, column in zip(self.parameters, values.T, strict=True)}
-        bodies = self.bodies(values)
         contexts = np.tile(base.ranges[0], (len(values), 1))
-        _put(given, _CONTEXT, Context, contexts)
+        for name, i in _columns(_CONTEXT, Context).items():
+            contexts[:, i] = given.get(name, contexts[:, i])
         contexts[:, _TRACK] = given.get(_BUMPS, 0.0)
-        laws, slopes = base.laws(contexts), base.slopes(contexts)
-        _put(given, _LAW, ContactLaw, laws)
-        _put(given, _SLOPE, Slope, slopes.rows)
+        scenes = base.scenes(contexts)
+        if self._of_bodies:
+            scenes.rows["body"] = np.arange(len(values))
+            scenes = scenes._replace(bodies=records_of(list(self._bodies(values)), len(values)))
+        for name, field in (_LAW | _SLOPE).items():
+            if name in given:
+                scenes.rows[field] = given[name]
         if self.terrain is not None:
-            slopes = self._on_ground(self.terrain, given, slopes.rows)
-        launches = base.launches(contexts, bodies)
+            scenes = self._on_ground(self.terrain, given, scenes)
+        rows, launches = scenes.rows, scenes.launches
+        rows["settle_speed"] = settle_speed(rows["gravity"], scenes.of_body("size"))
         launches[:, 0] = given.get(_START, self.start_m)
-        records, phi = records_of(bodies, len(values)), within_a_turn(launches[:, 2])
-        lowest = resting_heights(records, launches[:, 0], phi, Tracks.of(slopes.profiles))
+        lowest = scenes.resting_heights(launches[:, 0], launches[:, 2])
         launches[:, 1] = contexts[:, _DROP] + lowest
-        return Lanes(bodies, laws, slopes, launches)
+        return admitted(scenes, base.settings(self.solver))
 
-    def _on_ground(
-        self, terrain: TerrainSection, given: dict[str, NDArray[np.float64]], slopes: NDArray[np.float64]
-    ) -> SlopeTable:
-        """Return rows of slopes with the profile of the terrain, and what is drawn of materials."""
+    def _on_ground(self, terrain: TerrainSection, given: dict[str, NDArray[np.float64]], scenes: Scenes) -> Scenes:
+        """Return scenes over the profile of the terrain, with what is drawn of materials."""
+        zones = scenes.zones.reshape(len(scenes.rows), len(terrain.runs), len(Zone._fields)).copy()
         for k, run in enumerate(terrain.runs):
-            first = len(_INCLINE) + k * len(Zone._fields)
             for key, fields in _MATERIAL.items():
-                for i in (first + Zone._fields.index(field) for field in fields):
-                    slopes[:, i] = given.get(f"materials.{run.material}.{key}", slopes[:, i])
-        return SlopeTable(slopes, (checked_profile(terrain.vertices),))
-
-    def bodies(self, values: NDArray[np.float64]) -> Body | list[Body] | np.ndarray:
-        """Return the bodies of values of the parameters: one, if it is certain, else a record for each row.
-
-        Where a part of a name ends a descent they are bodies instead: records do not know the names of their parts.
-
-        Raises
-        ------
-        StudyError
-            If some are no body, saying how many.
-        """
-        if not self._of_bodies:
-            return self.base.body()
-        bodies = list(self._bodies(values))
-        return bodies if self.base.ends.touching else records_of(bodies, len(values))
+                for i in map(Zone._fields.index, fields):
+                    zones[:, k, i] = given.get(f"materials.{run.material}.{key}", zones[:, k, i])
+        ground = Grounds.of((vertices_of(checked_profile(terrain.vertices)),))
+        scenes.rows["ground"], scenes.rows["ground_end"] = ground.places.T
+        return scenes._replace(pieces=ground.pieces, zones=zones.reshape(-1, len(Zone._fields)))
 
     def check_bodies(self, values: NDArray[np.float64]) -> None:
-        """Raise the error of :meth:`bodies` if there is one; none of them is kept."""
+        """Raise StudyError, saying how many, if some values of the parameters make no body; none of them is kept."""
         for _ in self._bodies(values if self._of_bodies else values[:0]):
             pass
 
@@ -440,10 +421,3 @@ def _si(name: str, column: NDArray[np.float64]) -> NDArray[np.float64]:
 def _columns(fields: dict[str, str], kind: type[Any]) -> dict[str, int]:
     """Return in which column of rows of a kind each key is."""
     return {name: kind._fields.index(field) for name, field in fields.items()}
-
-
-def _put(given: dict[str, NDArray[np.float64]], fields: dict[str, str], kind: type[Any], rows: Any) -> None:
-    """Put what is given into rows of a kind."""
-    for name, i in _columns(fields, kind).items():
-        if name in given:
-            rows[:, i] = given[name]

@@ -8,17 +8,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.checks import CheckedLanes
+from sledenv.simulation.grounds import heights_on
 from sledenv.simulation.jam import descent_jam
 from sledenv.simulation.lanes import new_logs
 from sledenv.simulation.records import FINISH
-from sledenv.simulation.scene import Slope, State, heights_of
+from sledenv.simulation.scene import State
+from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.support import resting_heights, within_a_turn
-from sledenv.uncertainty.descents import Passages, checked_ahead, follow
-from sledenv.uncertainty.model import Lanes
+from sledenv.simulation.support import within_a_turn
+from sledenv.uncertainty.descents import Passages, follow
 
-_GRAVITY: Final = Slope._fields.index("gravity")
 _LOGS: Final = 512  # descents whose logs are kept at a time
 _AGAIN: Final = 4  # rebounds for a contact that is followed again
 
@@ -26,7 +25,7 @@ Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
 
-def descend_over(lanes: Lanes, stations: Floats, settings: Settings) -> Passages:
+def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passages:
     """Simulate descents over one profile, and tell how they first come to places along it.
 
     In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
@@ -35,30 +34,25 @@ def descend_over(lanes: Lanes, stations: Floats, settings: Settings) -> Passages
 
     Parameters
     ----------
-    lanes : Lanes
+    scenes : Scenes
         Of N descents over a slope whose plane is level, so that x is horizontal and y vertical.
     stations : ndarray, shape (K,)
         Places x [m], rising; a descent that begins behind one comes to it where it begins.
     settings : Settings
         How they are simulated.
     """
-    given, lengths = checked_ahead(lanes, settings)
-    parts = [slice(first, first + _LOGS) for first in range(0, len(lengths), _LOGS)]
-    found = [_seen(_some(given, part), lengths[part], stations, settings) for part in parts]
+    parts = [slice(first, first + _LOGS) for first in range(0, len(scenes.rows), _LOGS)]
+    found = [_seen(scenes.take(part), stations, settings) for part in parts]
     outcomes, seen = (np.concatenate(each) for each in zip(*found, strict=True))
-    mass = given.bodies["mass"]
-    return Passages(outcomes, descent_jam(outcomes, mass, lengths), *np.moveaxis(seen, 2, 0))
+    jam = descent_jam(outcomes, scenes.of_body("mass"), scenes.rows["length"])
+    return Passages(outcomes, jam, *np.moveaxis(seen, 2, 0))
 
 
-def _some(given: CheckedLanes, part: slice | Indices) -> CheckedLanes:
-    tables = {name: getattr(given, name) for name in ("bodies", "laws", "slopes", "launches")}
-    return given._replace(**{name: rows[part] if len(rows) > 1 else rows for name, rows in tables.items()})
-
-
-def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats]:
+def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats]:
     """Return the outcomes of descents, and what is told of them at stations, shape (N, K, 4)."""
+    lengths = given.rows["length"]
     logs = new_logs(len(lengths), settings.max_rebounds)
-    outcomes = follow(given.tables(settings.limits), lengths, logs)
+    outcomes = follow(given, lengths, False, settings.limits, logs)
     logs = logs[:, : int(outcomes["rebounds"].max(initial=0))]
     flights = _Flights(given, outcomes, logs)
     lane, station = np.nonzero(np.full((len(lengths), len(stations)), True))
@@ -71,9 +65,8 @@ def _seen(given: CheckedLanes, lengths: Floats, stations: Floats, settings: Sett
     again, energy = _in_contact(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
     states[contact], kinetic[contact] = again, energy
     x, y, phi, u, v, _ = states.T
-    bodies = _some(given, lane).bodies
-    lowest = y - resting_heights(bodies, x, within_a_turn(phi), given.tracks)
-    ground = heights_of(given.tracks.vertices[0], x)
+    lowest = y - given.take(lane).resting_heights(x, within_a_turn(phi))
+    ground = heights_on(given.pieces, x)
     seen = np.full((len(lengths), len(stations), 4), np.nan)
     seen[lane, station] = np.column_stack([np.hypot(u, v), kinetic, np.maximum(lowest, 0.0), y - ground])
     return outcomes, seen
@@ -85,9 +78,9 @@ class _Flights:
     Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
     """
 
-    def __init__(self, given: CheckedLanes, outcomes: np.ndarray, logs: np.ndarray) -> None:
+    def __init__(self, given: Scenes, outcomes: np.ndarray, logs: np.ndarray) -> None:
         self.given, self.outcomes, self.logs = given, outcomes, logs
-        self.gravity = np.broadcast_to(given.slopes[:, _GRAVITY], len(logs))
+        self.gravity = given.rows["gravity"]
         count, most = logs.shape
         flown = np.arange(most) < outcomes["rebounds"][:, np.newaxis]
         x, t, u = (np.empty((count, most + 1)) for _ in range(3))
@@ -119,8 +112,8 @@ class _Flights:
         lands = flight < end["rebounds"]
         landing = self.logs["t_touchdown"][lane, np.minimum(flight, self.logs.shape[1] - 1)]
         time = np.where(lands, landing, end["t"]) - rows["t"]
-        bodies, turned = _some(self.given, lane).bodies, within_a_turn(phi + omega * time)
-        lowest = resting_heights(bodies, x + u * time, turned, self.given.tracks)
+        turned = within_a_turn(phi + omega * time)
+        lowest = self.given.take(lane).resting_heights(x + u * time, turned)
         y = np.where(lands, lowest, end["y"]) - (v - 0.5 * self.gravity[lane] * time) * time
         states[later] = np.column_stack([x, y, phi, u, v, omega])
         return states
@@ -138,20 +131,20 @@ class _Flights:
         return states
 
 
-def _kinetic(given: CheckedLanes, lane: Indices, states: Floats) -> Floats:
-    bodies = _some(given, lane).bodies
+def _kinetic(given: Scenes, lane: Indices, states: Floats) -> Floats:
+    some = given.take(lane)
     _, _, _, u, v, omega = states.T
-    kinetic: Floats = 0.5 * (bodies["mass"] * (u * u + v * v) + bodies["inertia"] * omega * omega)
+    kinetic: Floats = 0.5 * (some.of_body("mass") * (u * u + v * v) + some.of_body("inertia") * omega * omega)
     return kinetic
 
 
 def _in_contact(
-    given: CheckedLanes, flights: _Flights, lane: Indices, place: Indices, x: Floats, settings: Settings
+    given: Scenes, flights: _Flights, lane: Indices, place: Indices, x: Floats, settings: Settings
 ) -> tuple[Floats, Floats]:
     """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m] in contact."""
-    some = _some(given, lane)
-    before = some._replace(launches=flights.starts(lane, place // 2 - 1))
-    outcomes = follow(before.tables(replace(settings, max_rebounds=_AGAIN).limits), x)
+    some, before = given.take(lane), given.take(lane)
+    before.launches[:] = flights.starts(lane, place // 2 - 1)
+    outcomes = follow(before, x, False, replace(settings, max_rebounds=_AGAIN).limits)
     missed = np.flatnonzero(outcomes["status"] != FINISH)  # by rounding: the very same descent cannot
-    outcomes[missed] = follow(_some(some, missed).tables(settings.limits), x[missed])
+    outcomes[missed] = follow(some.take(missed), x[missed], False, settings.limits)
     return np.column_stack([outcomes[name] for name in State._fields]), outcomes["kinetic"].copy()

@@ -170,8 +170,8 @@ def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
 def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     """Simulate a block; return a row a launch."""
     values = one.values(part)
-    descend = descend_past if one.terrain is None else descend_over
-    found = descend(one.lanes(values), one.stations, one.base.settings(one.solver))
+    given = one.scenes(values), one.stations, one.base.settings(one.solver)
+    found = descend_past(*given, one.base.all_bodies()) if one.terrain is None else descend_over(*given)
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
     columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])

@@ -19,12 +19,13 @@ class Kernel {
 
   /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
      zones, its profile and the rounding of that, launch and limits as objects of numbers with the fields of the kernel's
-     tuples, solver "compliant" or "rigid". Limits that are missing are those of the default settings. With rows: false there is no trajectory. With
-     ride: { rotor_inertia [kg m^2], spins [rad/s] } it is a ride: it is followed to the first flight that is not too
-     short, and on by a hop with each of the spins lent; its status is "running" if it has not ended then.
+     tuples, solver "compliant" or "rigid", of which the law may have a settle_speed. Limits that are missing are those
+     of the default settings. With rows: false there is no trajectory. With ride: { rotor_inertia [kg m^2],
+     spins [rad/s] } it is a ride: it is followed to the first flight that is not too short, and on by a hop with each of
+     the spins lent; its status is "running" if it has not ended then.
 
-     Returns { status, outcome, rebounds, trajectory, contacts, takeoffs }: the name of the status; an object of numbers,
-     with the ledger; tables as objects of columns, arrays of numbers with the names, units and order of REBOUND,
+     Returns { status, outcome, jam, rebounds, trajectory, contacts, takeoffs }: the name of the status; objects of
+     numbers, with the ledger and with the metrics of DescentJam in kernel/jam.py; tables as objects of columns, arrays of numbers with the names, units and order of REBOUND,
      TRAJECTORY and CONTACT_FORCES in kernel/records.py; and the outcomes so far at each place where a spin of a ride is
      or can be lent. Of contacts there is one for each row of the trajectory and each contact there, in this order, with t
      and row, that of the trajectory. */
@@ -42,12 +43,25 @@ class Kernel {
   arms(body, angles) {
     this.#clear();
     const bodies = this.#body(body);
-    const phi = this.#row(angles);
+    const phi = this.#list(angles);
     const arcs = { place: this.#take(8 * angles.length), lengths: [angles.length] };
     const arms = { place: this.#take(16 * angles.length), lengths: [angles.length, 2] };
-    this.#call("lowest", bodies, { place: phi.place, lengths: [angles.length] }, arcs, arms);
+    this.#call("lowest", bodies, this.#list(angles.map(() => 0)), phi, arcs, arms);
     const numbers = new Float64Array(this.memory.buffer, arms.place, 2 * angles.length);
     return { a: numbers.filter((_, i) => i % 2 === 0), b: numbers.filter((_, i) => i % 2 === 1) };
+  }
+
+  /* Heights [m] of the mass centre at which a body touches the ground of a slope from above, at a place x [m] and some
+     orientations [rad]. */
+  heights(body, slope, x, angles) {
+    this.#clear();
+    const same = (number) => this.#list(angles.map(() => number));
+    const bodies = this.#body(body);
+    const pieces = this.#laid(slope);
+    const heights = same(0);
+    const ground = [pieces, same(0), same(pieces.lengths[0])];
+    this.#call("resting", bodies, same(0), same(x), this.#list(angles), ...ground, heights);
+    return new Float64Array(this.memory.buffer, heights.place, angles.length).slice();
   }
 
   /* The ground: columns of PIECE in kernel/geometry.py, a row for each piece with the bend where it begins. */
@@ -58,32 +72,36 @@ class Kernel {
   }
 
   #run({ body, law, slope, launch, limits = {}, solver = "compliant", ride = null }, room) {
-    const rigid = solver === "rigid";
     const most = { ...this.layout.limits, ...limits };
     this.#clear();
-    const touching = this.#fields(rigid ? "RigidLaw" : "ContactLaw", law, "law");
     const ends = this.#fields("Limits", most, "limits");
-    const start = this.#fields("State", launch, "launch");
     const zones = (slope.zones ?? []).flatMap((zone) => this.#zone(zone));
     const bodies = this.#body(body);
-    const slopes = this.#row([...this.#fields("Slope", slope, "slope"), ...zones]);
+    const ground = this.#laid(slope);
+    const scene = this.#table("SCENE", 1);
+    const given = { ContactLaw: law, Slope: slope, State: launch };
+    for (const [kind, what] of Object.entries({ ContactLaw: "law", Slope: "slope", State: "launch" }))
+      this.#fields(kind, given[kind], what).forEach((number, i) =>
+        this.#set("SCENE", this.layout.tuples[kind][i], scene.place, number),
+      );
+    const count = zones.length / this.layout.tuples.Zone.length;
+    const rest = { ground_end: ground.lengths[0], zones_end: count, rotor_inertia: ride?.rotor_inertia ?? 1 };
+    for (const [name, number] of Object.entries({ ...rest, settle_speed: law.settle_speed ?? 0 }))
+      this.#set("SCENE", name, scene.place, number);
+    const zoned = { place: this.#row(zones).place, lengths: [count, this.layout.tuples.Zone.length] };
     const flights = this.#table("OUTCOME", 1);
     const log = this.#table("REBOUND", Number(most.max_rebounds));
     const rows = this.#table("TRAJECTORY", room);
     const space = this.#table("SPACE", 1);
     const logs = { place: log.place, lengths: [1, ...log.lengths] };
-    for (const name of ["t_on_chord", "x_on_chord", "t_line"]) this.#set("OUTCOME", name, flights.place, Infinity);
-    this.layout.tuples.State.forEach((name, i) => this.#set("OUTCOME", name, flights.place, start[i]));
-    const trims = ride ? this.#row([0, 0, 0]) : { place: 0, lengths: [0, 3] };
-    const tables = [bodies, this.#row(touching), slopes, this.#row(start), trims];
-    const written = [flights, logs, rows, space];
-    const ground = this.#laid(slope);
-    const track = this.#row([0, ground.lengths[0]]);
-    const call = ["descend_lanes", rigid ? 1 : 0, ends, ...tables, track, ground, ...written, 1];
+    const trims = ride ? this.#row([0, 0]) : { place: 0, lengths: [0, 2] };
+    const scenes = [scene, bodies, ground, zoned];
+    this.#call("embark", ...scenes, flights);
+    const call = ["descend_lanes", solver === "rigid" ? 1 : 0, ends, ...scenes, trims, flights, logs, rows, space, 1];
     const takeoffs = [];
     let outcome;
     let status;
-    for (const row of ride ? [[0, 1, WAIT], ...ride.spins.map((spin) => [spin, ride.rotor_inertia, FLY])] : [[]]) {
+    for (const row of ride ? [[0, WAIT], ...ride.spins.map((spin) => [spin, FLY])] : [[]]) {
       new Float64Array(this.memory.buffer, trims.place, row.length).set(row);
       new Uint8Array(this.memory.buffer, space.place, this.layout.records.SPACE.size).fill(0);
       while (this.#get("SPACE", "lane", space.place) < 1) this.#call(...call);
@@ -96,11 +114,22 @@ class Kernel {
     return {
       status,
       outcome,
+      jam: this.#judge(flights, body.mass, slope.length),
       takeoffs,
       rebounds: this.#columns("REBOUND", log.place, outcome.rebounds),
       trajectory,
       contacts: this.#contacts(rows.place, trajectory),
     };
+  }
+
+  /* Jam metrics of a descent, numbers by name. */
+  #judge(flights, mass, length) {
+    const names = this.layout.tuples.DescentJam;
+    const [masses, lengths] = [mass, length].map((one) => ({ ...this.#row([Number(one)]), lengths: [1] }));
+    const metrics = this.#row(names.map(() => 0));
+    this.#call("judge", flights, masses, lengths, metrics);
+    const numbers = new Float64Array(this.memory.buffer, metrics.place, names.length);
+    return Object.fromEntries(names.map((name, i) => [name, numbers[i]]));
   }
 
   /* What the kernel reads of the ground: vertices of the profile are pairs of numbers, none are a plane; each may have a
@@ -140,9 +169,13 @@ class Kernel {
   }
 
   #row(numbers) {
+    return { place: this.#list(numbers).place, lengths: [1, numbers.length] };
+  }
+
+  #list(numbers) {
     const place = this.#take(8 * numbers.length);
     new Float64Array(this.memory.buffer, place, numbers.length).set(numbers);
-    return { place, lengths: [1, numbers.length] };
+    return { place, lengths: [numbers.length] };
   }
 
   #take(bytes) {

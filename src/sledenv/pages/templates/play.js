@@ -102,7 +102,7 @@ function outcomeOf({ status, outcome, jam }) {
   const line = outcome.t_line < Infinity;
   return [
     ["status", status.replace("_", " ")],
-    ["reward", fixed(jam.reward, 3)],
+    ...Object.entries(D.metrics).map(([name, words]) => [words, fixed(jam[name], 3)]),
     ["time", fixed(outcome.t, 3, "s")],
     ["end at x", fixed(outcome.x, 2, "m")],
     ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],

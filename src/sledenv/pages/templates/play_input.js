@@ -80,7 +80,7 @@ function problem() {
 
 /* What the kernel takes. */
 function sceneOf() {
-  const { given, limits, settle_speed: settle, size } = bodyOf();
+  const { given, limits, settle_speed: settle } = bodyOf();
   const mass = valueOf("mass");
   const turned = isChanged("mass") || isChanged("gyration");
   const inertia = turned ? mass * valueOf("gyration") * valueOf("gyration") : given.inertia;
@@ -96,7 +96,7 @@ function sceneOf() {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
   }
-  return { body: { ...given, mass, inertia }, size, law, slope, limits, solver: chosen.solver, x: here().launch.x };
+  return { body: { ...given, mass, inertia }, law, slope, limits, solver: chosen.solver, x: here().launch.x };
 }
 
 const LAUNCH = ["orientation", "spin", "speed", "fall", "drop"];

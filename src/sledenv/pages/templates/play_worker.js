@@ -1,11 +1,8 @@
 "use strict";
 /* A worker of the page that simulates, with a kernel of its own. A scene is what Kernel.descend takes but for the launch,
-   which is { orientation, spin, speed, fall, drop } here, in SI units, from a place x of the slope; and the size of the
-   body. */
+   which is { orientation, spin, speed, fall, drop } here, in SI units, from a place x of the slope. */
 let kernel = null;
-const CRASHED = ["tumbled", "buried", "non_finite"];
 const TURN = 2 * Math.PI;
-const HALVINGS = 50; // of the turn of a crest
 
 /* The same turned by whole turns into [-pi, pi]: within_a_turn in simulation/support.py. */
 function withinTurn(angle) {
@@ -13,81 +10,13 @@ function withinTurn(angle) {
   return Math.abs(rest) > Math.PI ? rest - Math.sign(rest) * TURN : rest;
 }
 
-/* Heights [m] of the mass centre at which a body touches the ground from above, one for each orientation:
-   resting_heights in simulation/support.py. A line that touches the ground keeps the body above it, if the point of the
-   body that is outermost against it lies behind the crest before and before the crest behind. Such lines are those of
-   pieces, of a crest the one that touches it where the body does, of a dip one for each arc that is rounder. */
-function restingHeights({ body, size, slope, x }, angles) {
-  if (!slope.profile.length) return kernel.arms(body, angles).b;
-  const pieces = kernel.pieces(slope);
-  const found = angles.map(() => -Infinity);
-  const armsAt = (tilts) =>
-    kernel.arms(
-      body,
-      angles.map((phi, i) => withinTurn(phi - tilts[i])),
-    );
-  const footOf = ({ a, b }, tilt, i) => x - a[i] * Math.cos(tilt) + b[i] * Math.sin(tilt);
-  const feetOf = (tilts) => {
-    const arms = armsAt(tilts);
-    return tilts.map((tilt, i) => footOf(arms, tilt, i));
-  };
-  /* Lines of these tilts, NaN where there is none, through the point that a tilt tells. */
-  const keepAbove = (tilts, pointOf, isOver) => {
-    const arms = armsAt(tilts.map((tilt) => tilt || 0));
-    tilts.forEach((tilt, i) => {
-      if (Number.isNaN(tilt) || !isOver(footOf(arms, tilt, i))) return;
-      const [place, height] = pointOf(tilt);
-      found[i] = Math.max(found[i], height + (arms.b[i] + (x - place) * Math.sin(tilt)) / Math.cos(tilt));
-    });
-  };
-  const pointOfBend = (j) => (tilt) => {
-    const radius = pieces.bend[j] * pieces.radius[j];
-    return [pieces.qx[j] - radius * Math.sin(tilt), pieces.qy[j] + radius * Math.cos(tilt)];
-  };
-  const onCrest = (j, before, behind) => {
-    const touches = angles.map((_, i) => before[i] > pieces.bx[j] && behind[i] < pieces.ex[j]);
-    if (!touches.includes(true)) return;
-    const cones = angles.map(() => [pieces.tilt[j - 1], pieces.tilt[j]]);
-    const middles = () => cones.map(([first, last]) => 0.5 * (first + last));
-    for (let n = 0; n < HALVINGS; n++) {
-      const middle = middles();
-      feetOf(middle).forEach((foot, i) => (cones[i][foot > pointOfBend(j)(middle[i])[0] ? 0 : 1] = middle[i]));
-    }
-    const tilts = middles().map((tilt, i) => (touches[i] ? tilt : NaN));
-    keepAbove(tilts, pointOfBend(j), () => true);
-  };
-  const inDip = (j, { across, along, r }, isOver) => {
-    if (r >= pieces.radius[j]) return;
-    const tilts = angles.map((phi) => {
-      const aside = x - across * Math.cos(phi) - along * Math.sin(phi) - pieces.qx[j];
-      const tilt = Math.asin(aside / (pieces.radius[j] - r));
-      return tilt >= pieces.tilt[j - 1] && tilt <= pieces.tilt[j] ? tilt : NaN;
-    });
-    keepAbove(tilts, pointOfBend(j), isOver);
-  };
-  const crests = [...pieces.bend.keys()].filter((j) => pieces.bend[j] > 0);
-  const first = pieces.ex.findLastIndex((end, j) => j === 0 || end < x - size);
-  let before = null; // feet on the piece before
-  for (let j = first; j < pieces.x.length && (j === first || pieces.bx[j] <= x + size); j++) {
-    const [low, high] = [crests.findLast((k) => k <= j), crests.find((k) => k > j)];
-    const isOver = (foot) => !(foot < pieces.ex[low]) && !(foot > pieces.bx[high]);
-    const tilts = angles.map(() => pieces.tilt[j]);
-    const feet = feetOf(tilts);
-    keepAbove(tilts, () => [pieces.x[j], pieces.y[j]], isOver);
-    if (before && pieces.bend[j] > 0) onCrest(j, before, feet);
-    if (before && pieces.bend[j] < 0) for (const arc of body.arcs) inDip(j, arc, isOver);
-    before = feet;
-  }
-  return found;
-}
-
 /* States of launches: the lowest point of the body is at the height of the drop. */
 function states(scene, launches) {
   const angles = launches.map(({ orientation }) => withinTurn(orientation));
-  const b = restingHeights(scene, angles);
+  const heights = kernel.heights(scene.body, scene.slope, scene.x, angles);
   return launches.map(({ drop, speed, fall, spin }, i) => ({
     x: scene.x,
-    y: drop + b[i],
+    y: drop + heights[i],
     phi: angles[i],
     u: speed,
     v: 0 - fall,
@@ -95,21 +24,8 @@ function states(scene, launches) {
   }));
 }
 
-/* Progress, retention and reward of a descent: descent_jam in simulation/jam.py, operation by operation. */
-function judge({ status, outcome }, mass, length) {
-  const passed = outcome.t_line < Infinity;
-  const finished = passed && !CRASHED.includes(status);
-  const x = status === "non_finite" ? 0 : passed ? length : outcome.x;
-  const u = finished ? Math.max(outcome.u_line, 0) : 0;
-  const supplied = finished ? outcome.supplied : 1;
-  const retention = Math.min((0.5 * mass * (u * u)) / (supplied > 0 ? supplied : Infinity), 1);
-  const progress = Math.min(Math.max(x / length, 0), 1);
-  return { progress, retention, reward: 0.5 * progress + 0.5 * Math.sqrt(retention) };
-}
-
 function descend(scene, launch, rows) {
-  const found = kernel.descend({ ...scene, launch, rows });
-  return { ...found, launch, jam: judge(found, scene.body.mass, scene.slope.length) };
+  return { ...kernel.descend({ ...scene, launch, rows }), launch };
 }
 
 /* A path of a few points, x and y in turn. */

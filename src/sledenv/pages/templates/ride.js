@@ -259,7 +259,7 @@ function put(element, text) {
 }
 
 const hasEnded = (rider) => !isRunning(rider) && time >= rider.outcome.t;
-const scoreOf = (rider, x) => (hasEnded(rider) ? rider.jam.reward : 0.5 * clamp(x / hill.scene.slope.length, 0, 1)); // what is sure of it
+const scoreOf = (rider, x) => (hasEnded(rider) ? rider.jam.reward : D.share * clamp(x / hill.scene.slope.length, 0, 1)); // what is sure of it
 
 function howOf(rider, x) {
   const { outcome, contacts, status } = rider;
