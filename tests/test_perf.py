@@ -159,10 +159,19 @@ def test_the_descents_of_steps_are_those_of_the_environment() -> None:
 
 
 @pytest.mark.jit_only
-def test_all_ways_to_step_run_and_a_bare_simulator_is_compared_with_itself() -> None:
+def test_all_ways_to_step_run_and_others_beside_them_where_they_are_installed(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Oracle: a ratio of a time to itself."""
-    rows = env.measure(rounds=1, sizes=(2,))["rows"]
-    assert [row["env"] for row in rows] == [kind for kind in env.IDS for _ in range(6)]
-    alone = [row for row in rows if row["name"] == row["bare"]]
-    assert len(alone) == 4
-    assert all(row["of_bare"]["median"] == 1.0 for row in alone)
+    monkeypatch.setattr(env, "_PART", 0.01)
+    monkeypatch.setattr(env, "PEERS", {"Absent-v0": ("no_such_module", 1, None)})
+    rows = env.measure(rounds=1, sizes=(2,), peers=["Absent-v0"])["rows"]
+    assert "Absent-v0 is skipped: there is no no_such_module" in capsys.readouterr().out
+    assert [row["env"] for row in rows] == ["SledLaunch"] * 8 + ["SledDescent"] * 10
+    assert [row["times_make"]["median"] for row in rows if row["name"] == env.MAKE] == [1.0, 1.0]
+    assert len([row for row in rows if "motion" in row]) == 3 + 4
+    for row in rows:
+        if "beyond_us" in row:
+            beyond, first = row["beyond_us"]["median"], row["first_us"]["median"]
+            assert (first > 0.0) == (row["env"] == "SledDescent")
+            assert beyond == pytest.approx(first) if row["name"].startswith(env.BARE) else beyond > first
