@@ -11,7 +11,7 @@ DOCS_STAMP = $(VENV)/.installed-docs
 
 # The planes: critics of launches learn no rides.
 LAUNCHES = sled_snow sled_mat
-RIDES = sled_rollers sled_kickers sled_terraces sled_unsteady sled_long boulder_benches
+RIDES = sled_rollers sled_kickers sled_terraces sled_long boulder_benches
 
 TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'

@@ -25,7 +25,7 @@ class Plan:
 
 @pytest.fixture(scope="module")
 def found():
-    problem = Problem("sled_unsteady", "descent")
+    problem = Problem("sled_kickers", "descent")
     return problem, best_found(problem, problem.contexts("test", 3))
 
 
@@ -96,7 +96,7 @@ def test_blocks_that_were_searched_apart_are_put_together(found, tmp_path, monke
 
 def test_a_search_in_blocks_keeps_the_draw_of_each_context_and_tells_how_far_it_is(monkeypatch, capsys):
     """Oracle: the draws with which agents are judged."""
-    problem = Problem("sled_unsteady", "descent")
+    problem = Problem("sled_kickers", "descent")
     contexts = problem.contexts("test", 12)  # more than a block
 
     def search(problem, scenes):

@@ -206,11 +206,12 @@ def test_shifted_contexts_are_harder_and_seen_on_the_scale_of_the_others():
             seen.append(observations)
             return np.zeros((len(observations), 1), np.float32)
 
-    names, (low, high) = problem.task.observation_names, (7.0, 11.0)
+    names, (low, high) = problem.task.observation_names, (6.5, 10.0)
     other.judge(Watching(), other.trials(shifted, "test"))
     told = 2.0 * (shifted[:, speed] - low) / (high - low) - 1.0
     first = seen[0][:, names.index("speed")]
     assert len(first) == 40
     assert first == pytest.approx(told, abs=1e-6)
     assert first.max() > 1.0
-    assert max(one[:, names.index("ahead_1_y")].max() for one in seen) > 1.0
+    heights = [names.index(f"{side}_y") for side in ("behind_2", "behind_1", *(f"ahead_{k}" for k in range(1, 9)))]
+    assert max(np.abs(one[:, heights]).max() for one in seen) > 1.0

@@ -15,7 +15,7 @@ from sledenv.benchmark.riders import ridden
 from sledenv.benchmark.runs import train
 from sledenv.scenarios.scenario import ScenarioError
 
-SCENARIO = "sled_unsteady"
+SCENARIO = "sled_kickers"
 SHIPPED_LAUNCH = Path("sled_mat-launch-spin-critic-s0")
 
 
@@ -53,7 +53,7 @@ def test_a_trained_agent_rides_if_it_is_named_or_ships(
     assert set(named[1].trims) == {0.0}
     monkeypatch.setattr(riders, "TRAINED", tmp_path)
     assert ridden(problem.scenario, contexts, []) == [named]
-    other = Problem("sled_kickers", "descent")
+    other = Problem("sled_rollers", "descent")
     with pytest.raises(ScenarioError, match="was trained on another scenario"):
         ridden(other.scenario, contexts, [run])
     with pytest.raises(ScenarioError, match="chooses a launch"):

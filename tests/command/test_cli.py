@@ -222,9 +222,9 @@ def test_play_writes_one_page(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_play_of_a_ride_writes_a_page_to_ride(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the launch that ``sledenv simulate`` prints for the same options."""
-    page, which = tmp_path / "page.html", ("sled_unsteady", "--seed", "4", "--speed", "9")
+    page, which = tmp_path / "page.html", ("sled_kickers", "--seed", "4", "--speed", "9")
     assert main(["play", *which, "--html", str(page), "--json"]) == 0
-    written = {"scenario": "sled_unsteady", "seed": 4, "solver": "compliant", "written": [str(page)]}
+    written = {"scenario": "sled_kickers", "seed": 4, "solver": "compliant", "written": [str(page)]}
     assert json.loads(capsys.readouterr().out) == written
     hills = json.loads(data_of(page.read_text(encoding="utf-8"))["exact"])["hills"]
     assert [hill["name"] for hill in hills] == ["draw 4", "draw 5", "draw 6"]

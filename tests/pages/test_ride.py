@@ -77,7 +77,7 @@ def test_a_page_to_ride_needs_a_rider_and_a_hill() -> None:
 def page(chromium: Browser, tmp_path: Path) -> Iterator[Browser]:
     """The rider is unsteady: errors are part of each ride."""
     file = tmp_path / "ride.html"
-    file.write_text(patient(page_of("sled_unsteady")), encoding="utf-8")
+    file.write_text(patient(page_of("sled_kickers")), encoding="utf-8")
     chromium.open(file)
     wait_until(chromium, f"riders.length > 0 && {STANDS}")
     yield chromium
@@ -100,7 +100,7 @@ def numbers_of(descent: Descent) -> list[float]:
 @pytest.mark.jit_only
 def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser) -> None:
     """Oracle: ``Ride`` with the same trims and the errors of the context, bit for bit; so of the other rides."""
-    scenario, context = drawn("sled_unsteady", SEEDS[0])
+    scenario, context = drawn("sled_kickers", SEEDS[0])
     at_speed(page, 50.0)
     page.press("body", " ")
     wait_until(page, f"atTakeoff() && {STANDS}")
@@ -130,7 +130,7 @@ def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser)
 @pytest.mark.jit_only
 def test_a_ride_does_not_stop_if_it_need_not_and_a_flight_can_be_taken_back(page: Browser) -> None:
     """Oracle: ``Ride`` with as many trims as there were take-offs, all alike."""
-    scenario, context = drawn("sled_unsteady", SEEDS[1])
+    scenario, context = drawn("sled_kickers", SEEDS[1])
     at_speed(page, 50.0)
     page.run("$('hill').selectedIndex = 1; $('hill').dispatchEvent(new Event('input'))")
     wait_until(page, f"hill === E.hills[1] && {STANDS}")

@@ -67,7 +67,7 @@ class Column(NamedTuple):
 
 
 # The flight that begins. Scales are such that in rides of the shipped scenarios with random trims each entry has a
-# standard deviation between 0.1 and 1; only the cosine of a sled, which hardly turns, has less.
+# standard deviation between 0.1 and 1; only the pose of a sled, which hardly turns, has less.
 STATE: Final = (
     Column("left", "m", "way to the line", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
     Column(
