@@ -33,7 +33,7 @@ from sledenv.scenarios.sections import (
 from sledenv.scenarios.terrain import Ground, placed, read_ground
 from sledenv.scenarios.tracks import TRACKS, Bumps, standard_normals
 from sledenv.simulation.bodies import Body
-from sledenv.simulation.checks import has_sharp_corner
+from sledenv.simulation.checks import has_sharp_corner, warn_of_fine_ground
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.outlook import AHEAD
 from sledenv.simulation.records import MOST_ZONES, SCENE, params
@@ -216,6 +216,9 @@ class Scenario(Document):
             )
         if slope.bumps is not None:
             return self._has_room_for_bumps(slope.bumps, size)
+        of_each_body = np.tile(self.ranges[0], (len(bodies), 1))  # it is the same in all contexts
+        of_each_body[:, _SHAPE] = np.arange(len(bodies))
+        warn_of_fine_ground(self.scenes(of_each_body))
         return self
 
     def _has_room_for_bumps(self, section: BumpsSection, size: float) -> Self:

@@ -128,7 +128,7 @@ def _allowed(names: _Names, scenes: Scenes, settings: Settings) -> Scenes:
     _check_bounce(names, scenes, settings.solver)
     _check_ground(names, scenes, settings.solver)
     _admit(names, scenes)
-    _warn_of_fine_ground(names, scenes)
+    warn_of_fine_ground(scenes, names)
     return scenes
 
 
@@ -291,13 +291,13 @@ def _check_ground(names: _Names, scenes: Scenes, solver: str) -> None:
         )
 
 
-def _warn_of_fine_ground(names: _Names, scenes: Scenes) -> None:
+def warn_of_fine_ground(scenes: Scenes, names: _Names = _ONE) -> None:
     """Warn of a polyline that is cut too finely for a body and a stiffness, where the user calls the package."""
     found = None if scenes.is_plane else too_fine(scenes)
     if found is None:
         return
     level, frame = 1, sys._getframe()
-    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith("sledenv."):
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(("sledenv.", "pydantic.")):
         level, frame = level + 1, frame.f_back
     warnings.warn(
         f"{names.slope.format(lane=found.lane)}.profile is cut too finely around x = {found.x:.6g} m: its weight "
