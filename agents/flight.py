@@ -81,6 +81,9 @@ class Flights:
 
     def __init__(self, problem: Problem) -> None:
         task, rider = problem.task, problem.scenario.rider
+        for group in ("context", "state"):
+            if group not in task.groups:
+                raise ValueError(f"columns = {task.groups!r}: must have {group!r} to foresee landings from")
         self._task = task
         self._gravity = problem.scenario.slope_section.gravity_m_s2
         self._most = 0.0 if rider is None else rider.trim_rad_s

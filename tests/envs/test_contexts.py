@@ -13,6 +13,7 @@ from scipy.stats import kstest
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS
+from sledenv.envs.task import Task
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.simulation.support import support_heights, within_a_turn
 from tests.own_scenarios import own_scenario
@@ -86,6 +87,21 @@ def test_contexts_of_a_table_are_taken_by_name():
         env.reset(options={"context": frame.rename(columns={"speed": "velocity"})})
     with pytest.raises(TypeError, match="context is a masked array, or holds one"):
         env.reset(options={"context": np.ma.masked_greater(rows, 1.0)})
+
+
+def test_contexts_of_a_table_must_be_right_but_what_is_chosen_may_be_open():
+    """Oracle: the ranges of the fields; environments choose orientation and spin later."""
+    task, fields = Task("sled_snow", control="both"), sledenv.Context._fields
+    rows = task.scenario.contexts(np.random.default_rng(0).random((4, task.scenario.draws)))
+    rows[:, fields.index("friction")] = 0.1, 0.2, -1.0, 0.3
+    with pytest.raises(ValueError, match=r"contexts\[2\]\.friction = -1\.0: must be in \[0, inf\)"):
+        task.scenes(rows)
+    rows[:, fields.index("friction")] = 0.1
+    rows[:, [fields.index("orientation"), fields.index("spin")]] = np.nan
+    assert len(task.scenes(rows).rows) == 4
+    rows[1, fields.index("speed")] = np.nan
+    with pytest.raises(ValueError, match=r"contexts\[1\]\.speed = nan: must be"):
+        task.scenes(rows)
 
 
 @pytest.mark.parametrize("control", ["both", "orientation", "spin"])

@@ -195,6 +195,7 @@ def test_planners_are_told_no_more_than_is_seen():
     assert (known.rows["friction"] == 0.5 * (low[1] + high[1])).all()
     assert known.rows["angle"].tolist() == scenes.rows["angle"].tolist()
     assert not known.rows["stream"].any()
+    assert known.launches.tobytes() == scenes.launches.tobytes()  # a ledger of the whole ride begins there
     for told, own, x in zip(known.grounds(), scenes.grounds(), rides.flights["x"], strict=True):
         count = min(len(own), int((own["x"] <= x).sum()) + 8)
         assert count - 1 <= len(told) <= count

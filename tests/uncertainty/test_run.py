@@ -385,3 +385,6 @@ def test_zones_are_uncertain_and_a_part_of_the_body_ends_descents() -> None:
         for name in one.outcome.dtype.names:
             assert one.outcome[name].tobytes() == found.outcomes[name][i].tobytes(), name
     assert len({str(sledenv.STATUS_OF_CODE[code]) for code in found.outcomes["status"]}) >= 2
+    cut = made(ZONED, zone__end_m=4.0)
+    with pytest.raises(ValueError, match=r"zones\[0\]\.end = 4\.0: must be > its begin, 4\.\d+ m"):
+        cut.scenes(cut.values(run.draws(cut)[:60]))

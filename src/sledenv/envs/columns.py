@@ -121,9 +121,7 @@ class Around(NamedTuple):
 AROUND: Final = (
     Around("x", "m", "less that of the mass centre", "k / 8 of the reach", lambda of, k: of.reach * k / AHEAD),
     Around("y", "m", "less that of the ground below the mass centre", "H", lambda of, k: of.relief),
-    Around(
-        "radius", "m", "of the bend; left out where nothing is rounded", "the largest", lambda of, k: of.radius, 1.0
-    ),
+    Around("radius", "m", "of the bend; left out where nothing is rounded", "the largest", lambda of, k: of.radius),
     Around("there", "1", "whether there is such a vertex: else all its entries are 0", "1", lambda of, k: 1.0, 1.0),
 )
 

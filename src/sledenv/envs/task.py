@@ -28,7 +28,7 @@ from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.outlook import AHEAD
 from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
-from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice
+from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice, checked_rows
 from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate
@@ -179,6 +179,8 @@ class Task:
         speed, groups = self._fastest(bounds), _grouped(columns, ride)
         self.columns = Columns(groups, self.scenario, ride=ride, speed=speed, lent=self._lent, varies=self.varies)
         self.groups, self.observation_names = self.columns.groups, self.columns.names
+        if not self.observation_names:
+            raise ValueError(f"columns = {columns!r}: must have another group in scenario {self.scenario.id}, a plane")
         self.action_names = (TRIM,) if ride else self.controlled
         bound = self.columns.bound.astype(np.float32)
         self.observation_space = spaces.Box(-bound, bound)
@@ -233,8 +235,21 @@ class Task:
         self.scenario.check(given.fixed)
 
     def scenes(self, contexts: Contexts) -> Scenes:
-        """Return the scenes of contexts of shape (n, 12), or (n, 14) with errors of the launch."""
-        return self.scenario.scenes(contexts[:, :FIELDS], contexts[:, FIELDS:] if contexts.shape[1] > FIELDS else None)
+        """Return the scenes of contexts of shape (n, 12), or (n, 14) with errors of the launch.
+
+        What is chosen may be NaN: it is nobody's choice yet.
+
+        Raises
+        ------
+        ValueError
+            Naming the context, its field, the value and the allowed range.
+        """
+        given = contexts[:, :FIELDS].copy()
+        given[:, self._chosen] = np.nan_to_num(given[:, self._chosen])
+        checked_rows("contexts[{lane}]", Context, given)
+        self.scenario.check(given)
+        errors = contexts[:, FIELDS:] if contexts.shape[1] > FIELDS else None
+        return self.scenario.scenes(contexts[:, :FIELDS], errors)
 
     def support_heights(self, contexts: Contexts, phi: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the support height [m] of the body of each context at an orientation [rad], shapes (n,)."""
@@ -276,7 +291,8 @@ class Task:
         """Return scenes as far as they are seen where flights begin, at their launches by default.
 
         Hidden fields are in the middle of their ranges, the errors of launch and rider are none, the track has the
-        number 0, and the ground behind the last vertex that is told counts as level.
+        number 0, and the ground behind the last vertex that is told counts as level. The launch of a flight is past: it
+        stays, as the ledger counts from there.
         """
         drawn = scenes.drawn.copy()
         drawn[:, :FIELDS][:, self.hidden] = 0.5 * (self._context_low + self._context_high)[self.hidden]
@@ -286,6 +302,8 @@ class Task:
         x = np.zeros(len(drawn)) if flights is None else flights["x"]
         ground = Grounds.of([_told(*each) for each in zip(scenes.grounds(), x.tolist(), strict=True)])
         known.rows["ground"], known.rows["ground_end"] = ground.places.T
+        if flights is not None:
+            known.launches[:] = scenes.launches
         return known._replace(pieces=ground.pieces)
 
     def contexts_seen(self, observations: NDArray[np.float32]) -> Contexts:
@@ -422,9 +440,10 @@ def _told(vertices: np.ndarray, x: float) -> NDArray[np.float64]:
     """
     last = int(np.searchsorted(vertices["x"], x, side="right")) + AHEAD
     told = np.column_stack([vertices[name][:last] for name in ("x", "y", "radius")])
-    if len(told) < len(vertices):
+    if len(told) == last:
         told[-1, 2] = 0.0
-        told = told[:-1] if len(told) > 2 and told[-1, 1] == told[-2, 1] else told
+    if 2 < len(told) < len(vertices) and told[-1, 1] == told[-2, 1]:
+        return told[:-1]
     return told
 
 

@@ -457,7 +457,8 @@ class Scenario(Document):
         Parameters
         ----------
         contexts : ndarray, shape (N, 12), or DataFrame
-            Columns are the fields of :class:`Context`.
+            Columns are the fields of :class:`Context`. Those of an array are known to be right, such as what has been
+            drawn; of a DataFrame they are checked.
         errors : ndarray, shape (N, 2), optional
             Of the orientation [rad] and of the spin [rad/s] at launch; none by default.
 
@@ -494,7 +495,7 @@ class Scenario(Document):
         if self.zones:
             scenes = scenes._replace(zones=self._zones_of(contexts))
             count = float(len(self.zones))
-            rows["zones"] = count * np.arange(len(rows)) if len(scenes.zones) > count else 0.0
+            rows["zones"] = count * np.arange(len(rows))
             rows["zones_end"] = rows["zones"] + count
         self.let_go(scenes, drawn)
         return scenes
@@ -576,8 +577,8 @@ class Scenario(Document):
     def extent(self) -> tuple[float, float, float]:
         """Lengths [m] by which the vertices around a place are scaled: along the slope, off it, and of their radii.
 
-        Eight of them hardly reach further, none is further up or down, and no bend has a larger radius. They are 0 on a
-        plane, and the last one where nothing is rounded.
+        Eight of them hardly reach further, and none is further up or down; bends of small turns may be rounder.
+        They are 0 on a plane, and the last one where nothing is rounded.
         """
         bumps, vertices = self._bumps, vertices_of(self.slope_section.profile)
         if bumps is not None:
@@ -597,6 +598,8 @@ class Scenario(Document):
             raise ValueError(f"context.track = {float(numbers[~fine][0])!r}: must be {allowed}")
         bumps = self._bumps
         assert bumps is not None
+        if not len(numbers):
+            return Grounds(_laid(()).pieces, np.empty((0, 2)))
         tracks, places = np.unique(numbers, return_inverse=True)
         ground = Grounds.drawn(bumps.draw(tracks))
         return ground._replace(places=ground.places[places])
@@ -613,7 +616,7 @@ class Scenario(Document):
         return Bumps(*ranges, begin, self.slope_section.length_m - size, section.rounding_m)
 
     def _zones_of(self, contexts: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the zones of all contexts, or where one of them is drawn those of one context after the other."""
+        """Return the zones of one context after the other."""
         contact, drawn = self.contact, self._drawn_zone
         rows = [
             params.Zone(

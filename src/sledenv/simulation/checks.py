@@ -194,7 +194,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     _check_rows("slope", Slope, rows, lanes)
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
-    _check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)), rows[:, fields.index("length")])
+    check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)), rows[:, fields.index("length")])
     return rows
 
 
@@ -227,7 +227,7 @@ class _ZoneOfTable(params.Zone):
     rules = (*Zone.rules, *map(or_absent, Zone.optional_rules))
 
 
-def _check_zones(zones: np.ndarray, lengths: np.ndarray) -> None:
+def check_zones(zones: np.ndarray, lengths: np.ndarray) -> None:
     """Check the zones of slopes, shape (N, zones, fields), of which a slope may have fewer: NaN from there on."""
     for k in range(zones.shape[1]):
         absent = np.isnan(zones[:, k]).all(axis=-1)

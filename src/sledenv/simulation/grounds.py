@@ -44,6 +44,8 @@ class Grounds(NamedTuple):
     @classmethod
     def of(cls, vertices: Sequence[Floats], numbers: Iterable[int] | None = None) -> Self:
         """Return the ground of vertices of shapes (n, 3), one for all lanes, or those that lanes have by number."""
+        if not vertices:
+            return cls(plane(), np.empty((0, 2)))
         if len(vertices) == 1:
             pieces = pieces_of(vertices[0]) if len(vertices[0]) else plane()
             return cls(pieces, np.array([[0.0, len(pieces)]]))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Self
 
 import numpy as np
@@ -330,7 +331,8 @@ class RideBatch:
 
     def descents(self, lanes: np.ndarray | None = None) -> DescentBatch:
         """Return the descents so far, those of all lanes or of some; later hops do not change them."""
-        return self._lanes.descents(None if lanes is None else self._numbered(lanes))
+        found = self._lanes.descents(None if lanes is None else self._numbered(lanes))
+        return replace(found, outcomes=copied(found.outcomes)) if lanes is None else found
 
     def _numbered(self, lanes: np.ndarray) -> np.ndarray:
         """Numbers of lanes that an index of numpy means."""

@@ -25,7 +25,7 @@ from sledenv.scenarios.sections import (
     ZoneSection,
 )
 from sledenv.simulation.bodies import Body, records_of
-from sledenv.simulation.checks import admitted
+from sledenv.simulation.checks import admitted, check_zones
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY
@@ -302,6 +302,9 @@ class Study(Document):
         launches[:, 0] = given.get(_START, self.start_m)
         lowest = scenes.resting_heights(launches[:, 0], launches[:, 2])
         launches[:, 1] = contexts[:, _DROP] + lowest
+        if len(scenes.zones):  # which may overlap where one is drawn
+            zones = scenes.zones.reshape(len(rows), -1, len(Zone._fields))
+            check_zones(zones, np.full(len(rows), np.inf))
         return admitted(scenes, base.settings(self.solver))
 
     def _on_ground(self, terrain: TerrainSection, given: dict[str, NDArray[np.float64]], scenes: Scenes) -> Scenes:
