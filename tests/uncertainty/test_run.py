@@ -26,6 +26,7 @@ from tests.bodies import same_bits
 from tests.uncertainty.make import DROP, PUSH, ZONED, batch_of, lane_of, made, mapping
 
 GRAVITY = 9.81
+FEW = 80  # launches a block, at most
 
 
 def find(base: dict[str, Any], out: Path, **changes: Any) -> sledenv.StudyResult:
@@ -216,11 +217,11 @@ def contents(result: sledenv.StudyResult) -> dict[str, bytes]:
 
 
 @pytest.fixture(scope="module")
-def blocks(pushed: sledenv.StudyResult, tmp_path_factory: pytest.TempPathFactory) -> Iterator[sledenv.StudyResult]:
+def blocks(pushed: sledenv.StudyResult, tmp_path_factory: pytest.TempPathFactory) -> sledenv.StudyResult:
     """The same descents by two workers, in four blocks."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(run, "BLOCK", 80)
-        yield sledenv.study(pushed.study, tmp_path_factory.mktemp("blocks") / "out", workers=2, progress=False)
+        patch.setattr(run, "BLOCK", FEW)
+        return sledenv.study(pushed.study, tmp_path_factory.mktemp("blocks") / "out", workers=2, progress=False)
 
 
 def test_two_workers_find_what_one_does(pushed: sledenv.StudyResult, blocks: sledenv.StudyResult) -> None:
@@ -249,6 +250,7 @@ def test_a_study_that_is_stopped_goes_on_where_it_was_and_simulates_again_what_i
 
         return make
 
+    monkeypatch.setattr(run, "BLOCK", FEW)
     with monkeypatch.context() as patch:
         patch.setattr(run, "runner", stopping)
         with pytest.raises(KeyboardInterrupt):
