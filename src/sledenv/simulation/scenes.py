@@ -33,6 +33,7 @@ def settle_speed(gravity: Any, size: Any) -> Any:
 
 
 _LAUNCH: Final = columns(State._fields[0], State._fields[-1])
+_GROUND: Final = columns("ground", "ground_end")
 
 
 class Scenes(NamedTuple):
@@ -86,8 +87,7 @@ class Scenes(NamedTuple):
 
     def resting_heights(self, x: Floats, phi: Floats) -> Floats:
         """Return the heights [m] at which bodies touch the ground at places [m] and orientations [rad], shapes (N,)."""
-        places = np.stack([self.rows["ground"], self.rows["ground_end"]], axis=-1)
-        return resting_heights(self.bodies, x, phi, Grounds(self.pieces, places), self.rows["body"])
+        return resting_heights(self.bodies, x, phi, Grounds(self.pieces, self.table[:, _GROUND]), self.rows["body"])
 
     def grounds(self) -> list[np.ndarray]:
         """Return the vertices of the ground of each lane, records with ``x``, ``y`` and ``radius`` [m] among others."""

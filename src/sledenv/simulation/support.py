@@ -98,8 +98,8 @@ def resting_heights(
     ndarray, shape (N,)
         A body that is lower by some length is under the ground by as much, along the normal of the slope's plane.
     """
-    count = len(x)
-    begins, ends = np.ascontiguousarray(np.broadcast_to(ground.places, (count, 2)).T)
+    count, spans = len(x), ground.places
+    begins, ends = np.ascontiguousarray((spans if len(spans) == count else np.broadcast_to(spans, (count, 2))).T)
     places, turns, heights = np.ascontiguousarray(x, float), np.ascontiguousarray(phi, float), np.empty(count)
     run_resting(bodies, _numbers(bodies, numbers, count), places, turns, ground.pieces, begins, ends, heights)
     return heights
