@@ -61,7 +61,7 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
 	@echo "Open site/index.html"
 
-agents: $(STAMP) ## train the agents of agents/trained anew: some 140 minutes of CPU, most of them for rides
+agents: $(STAMP) ## train the agents of agents/trained anew: some 40 minutes of CPU, most of them for rides
 	for name in $(LAUNCHES); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
 	for name in $(RIDES); do for algo in ride_critic replan_critic; do \
