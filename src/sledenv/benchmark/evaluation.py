@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.stats import bootstrap
 
-from sledenv.benchmark.problem import Environment, Policy, Problem
+from sledenv.benchmark.problem import Environment, Planner, Policy, Problem
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean
 from sledenv.envs.columns import USUAL
@@ -175,7 +175,7 @@ def evaluate(
     """
     count = _checked_contexts(contexts)
     asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)
-    agent: Policy
+    agent: Policy | Planner
     if isinstance(policy, str | os.PathLike):
         given = {"environment": environment, "control": control, "launch_noise": launch_noise, "observe": observe}
         for name, value in (given | {"columns": columns, "normalize": normalize}).items():
@@ -196,7 +196,7 @@ def evaluate(
     return evaluation_of(problem.shifted() if shifted else problem, agent, count, name)
 
 
-def evaluation_of(problem: Problem, agent: Policy, contexts: int, name: str) -> Evaluation:
+def evaluation_of(problem: Problem, agent: Policy | Planner, contexts: int, name: str) -> Evaluation:
     """Simulate what an agent does in the first test contexts of a problem, the same for every agent."""
     trials = problem.trials(problem.contexts("test", contexts), "test")
     batch, _ = problem.judge(agent, trials)

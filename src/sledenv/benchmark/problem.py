@@ -63,7 +63,7 @@ class Planner(Protocol):
 
 
 class Agent(Policy, Protocol):
-    """What can be trained and judged: a policy, and how it comes about.
+    """What can be trained and judged: a policy or a :class:`Planner`, and how it comes about.
 
     A suite names the module whose class ``Agent`` it is; docs/benchmark.md shows a complete one.
     """
@@ -292,12 +292,12 @@ class Problem:
             means[rows] = batch.jam.reward.reshape(len(rows), many).mean(axis=1)
         return means.reshape(count, tried)
 
-    def judge(self, agent: Policy, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def judge(self, agent: Policy | Planner, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Simulate what an agent does in contexts, on all cores.
 
         Parameters
         ----------
-        agent : Policy
+        agent : Policy or Planner
             It is asked for the launch of a context once, because it sees the same in all of its trials; for the trims
             of a ride in each.
         trials : ndarray, shape (n, t, 14), or (n, 12) or (n, 14)
@@ -326,12 +326,12 @@ class Problem:
         batch, trims = self.ride(agent, contexts)
         return batch, np.nan_to_num(trims[::many, :1])
 
-    def ride(self, agent: Policy, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def ride(self, agent: Policy | Planner, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Follow the rides of an agent to their ends, on all cores.
 
         Parameters
         ----------
-        agent : Policy
+        agent : Policy or Planner
         contexts : ndarray, shape (n, 12) or (n, 14)
 
         Returns

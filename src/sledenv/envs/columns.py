@@ -196,7 +196,7 @@ class Columns:
             for i, (name, unit) in enumerate(zip(Context.seen, Context.units, strict=True)):
                 ends = (float(low[i]), float(high[i])) if varies[i] else (-1.0, 1.0)
                 parts.append((name, unit, 0.5 * (ends[0] + ends[1]), 0.5 * (ends[1] - ends[0]), 1.0))
-        if "state" in groups and ride:
+        if "state" in groups:
             for state in STATE:
                 most = state.most(of) / state.scale(of)
                 parts.append((state.name, state.unit, 0.0, state.scale(of), most if math.isfinite(most) else BOUND))
@@ -208,7 +208,7 @@ class Columns:
                 for side, k in places[self._told]
                 for one in told
             ]
-        if "landing" in groups and ride:
+        if "landing" in groups:
             parts += [(f"landing_{name}", unit, 0.0, scale, BOUND) for name, unit, _, scale in FORESEEN]
             rises = np.full(len(PLACES), _RISE)
             for name, unit, scales in (("height", "m", _HEIGHTS * of.relief), ("rise", "rad", rises)):

@@ -20,12 +20,11 @@ from sledenv.envs.viewer import Viewer, checked_render_mode
 from sledenv.simulation.jam import SHARE_OF_PROGRESS
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.scenes import Scenes
+from sledenv.simulation.scenes import Lanes, Scenes
 from sledenv.simulation.simulator import Simulator
 
 Floats = NDArray[np.float64]
 Flags = NDArray[np.bool_]
-Lanes = NDArray[np.intp]  # numbers of lanes
 
 
 class Snapshot(NamedTuple):
@@ -117,7 +116,7 @@ class Episodes(ABC):
         self._begun(lanes)
         self._look(lanes)
         for k, i in enumerate(lanes.tolist() if self.viewers else ()):
-            self.viewers[i].enter(scenes.take(np.array([k])))
+            self.viewers[i].enter(scenes if len(lanes) == 1 else scenes.take(np.array([k])))
         info: dict[str, Any] = {}
         if "context" in self.info_keys:
             info["context"] = context_info(scenes.drawn)
@@ -148,7 +147,8 @@ class Episodes(ABC):
         self.ended[lanes] = terminated | truncated
         scenes = self._scenes(lanes)
         for k, i in enumerate(lanes.tolist() if self.viewers else ()):
-            self.viewers[i].step(scenes.take(np.array([k])), float(self.trims[i]))
+            own = scenes if len(lanes) == 1 else scenes.take(np.array([k]))
+            self.viewers[i].step(own, float(self.trims[i]))
         return Step(rewards, terminated, truncated, episode_info(scenes, batch, self.info_keys))
 
     def snapshot(self, environment: dict[str, Any]) -> Snapshot:

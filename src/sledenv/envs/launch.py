@@ -13,13 +13,14 @@ from gymnasium.core import RenderFrame
 from gymnasium.error import ResetNeeded
 from numpy.typing import NDArray
 
-from sledenv.envs.episodes import Episodes, Lanes, LaunchEpisodes, Snapshot
+from sledenv.envs.episodes import Episodes, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS, only_lane
 from sledenv.envs.inputs import checked_actions, read_options
 from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.envs.viewer import METADATA
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.rules import checked_seed
+from sledenv.simulation.scenes import Lanes
 
 _ONLY: Lanes = np.zeros(1, np.intp)  # number of the only lane
 

@@ -173,11 +173,11 @@ class Task:
         self.hidden: NDArray[np.bool_] = (width > 0.0) & ~shown & (np.arange(FIELDS) < SEEN)
         self._action_low, self._action_high = np.array([bounds[name] for name in self.controlled]).reshape(-1, 2).T
         rider = self.scenario.rider
-        self._lent = 1.0 if rider is None else rider.trim_rad_s + _RARE * rider.noise_rad_s
+        lent = 1.0 if rider is None else rider.trim_rad_s + _RARE * rider.noise_rad_s
         self._shortest = 0.0 if rider is None else rider.shortest_flight_s
         self._limits = limits_of(self.bodies, self.settings)._replace(shortest_flight=self._shortest)
         speed, groups = self._fastest(bounds), _grouped(columns, ride)
-        self.columns = Columns(groups, self.scenario, ride=ride, speed=speed, lent=self._lent, varies=self.varies)
+        self.columns = Columns(groups, self.scenario, ride=ride, speed=speed, lent=lent, varies=self.varies)
         self.groups, self.observation_names = self.columns.groups, self.columns.names
         if not self.observation_names:
             raise ValueError(f"columns = {columns!r}: must have another group in scenario {self.scenario.id}, a plane")
@@ -232,7 +232,8 @@ class Task:
 
     def check(self, given: Given) -> None:
         """Raise ValueError if episodes are to begin with what the scenario cannot have: :meth:`Scenario.check`."""
-        self.scenario.check(given.fixed)
+        if not np.isnan(given.fixed).all():
+            self.scenario.check(given.fixed)
 
     def scenes(self, contexts: Contexts) -> Scenes:
         """Return the scenes of contexts of shape (n, 12), or (n, 14) with errors of the launch.

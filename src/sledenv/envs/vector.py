@@ -17,7 +17,7 @@ from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.typing import NDArray
 
-from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Floats, Lanes, LaunchEpisodes, Snapshot
+from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Floats, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.inputs import checked_actions, read_options
 from sledenv.envs.task import Task, TaskOptions, check_options
@@ -25,6 +25,7 @@ from sledenv.envs.viewer import METADATA
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.rules import checked_count, checked_seed
+from sledenv.simulation.scenes import Lanes
 
 CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 

@@ -599,7 +599,7 @@ class Scenario(Document):
         bumps = self._bumps
         assert bumps is not None
         if not len(numbers):
-            return Grounds(_laid(()).pieces, np.empty((0, 2)))
+            return Grounds.of(())
         tracks, places = np.unique(numbers, return_inverse=True)
         ground = Grounds.drawn(bumps.draw(tracks))
         return ground._replace(places=ground.places[places])

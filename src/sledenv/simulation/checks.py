@@ -84,7 +84,7 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
     places = 0.0, 0.0, len(ground.pieces), 0.0, len(zones)
     settle = settle_speed(slope.gravity, body.size) if settings.settle_speed is None else settings.settle_speed
     row = np.array([*places, *law, settle, *slope[:_SLOPE], *launch, 1.0, 0.0])
-    scenes = _allowed(_ONE, Scenes(row.view(SCENE), body.record, ground.pieces, zones), settings)
+    scenes = admitted(Scenes(row.view(SCENE), body.record, ground.pieces, zones), settings, _ONE)
     return CheckedDescent(body, law, slope, State.found(scenes.launches[0].tolist()), scenes)
 
 
@@ -115,16 +115,11 @@ def checked_scenes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, 
     own = settings.settle_speed
     rows["settle_speed"] = settle_speed(slopes[:, _SLOPE - 1], bodies["size"]) if own is None else own
     rows["rotor_inertia"] = 1.0
-    return _allowed(_MANY, scenes, settings)
+    return admitted(scenes, settings)
 
 
-def admitted(scenes: Scenes, settings: Settings) -> Scenes:
+def admitted(scenes: Scenes, settings: Settings, names: _Names = _MANY) -> Scenes:
     """Return scenes whose fields are known to be right, if they are allowed together; else raise ValueError."""
-    return _allowed(_MANY, scenes, settings)
-
-
-def _allowed(names: _Names, scenes: Scenes, settings: Settings) -> Scenes:
-    """As :func:`admitted`, with names for messages."""
     _check_bounce(names, scenes, settings.solver)
     _check_ground(names, scenes, settings.solver)
     _admit(names, scenes)

@@ -17,9 +17,9 @@ from sledenv.simulation.records import OUTCOME, REBOUND
 from sledenv.simulation.scenes import Lanes, Scenes
 
 ALL: Final = slice(None)
-WHOLE: Final = np.dtype(
-    f"V{OUTCOME.itemsize}"
-)  # an OUTCOME to be copied whole: by its fields that takes ten times as long
+# Records to be copied whole: by their fields that takes ten times as long.
+WHOLE: Final = np.dtype(f"V{OUTCOME.itemsize}")
+_WHOLE_LOGGED: Final = np.dtype(f"V{REBOUND.itemsize}")
 
 
 class Simulator:
@@ -61,7 +61,7 @@ class Simulator:
         self.flights = copied(self.flights)
         self.flights.view(WHOLE)[lanes] = at_launch(scenes).view(WHOLE)
         if self.rebounds.size:
-            self.rebounds[lanes] = np.zeros((), REBOUND)
+            self.rebounds.view(_WHOLE_LOGGED)[lanes] = np.zeros((), _WHOLE_LOGGED)
 
     def hop(self, spins: np.ndarray, trajectory: np.ndarray = NO_ROWS) -> None:
         """Follow one hop in every lane that has not ended, in which riders lend spins [rad/s], shape (N,)."""
@@ -102,7 +102,8 @@ class Simulator:
         flights, rebounds = self.flights if lanes is None else self.flights.take(lanes), self.rebounds
         if rebounds.size:
             most = int(flights["rebounds"].max(initial=0))
-            rebounds = rebounds[:, :most].copy() if lanes is None else rebounds[lanes, :most]
+            logs = rebounds.view(_WHOLE_LOGGED)[:, :most]
+            rebounds = (logs.copy() if lanes is None else logs[lanes]).view(REBOUND)
         return DescentBatch(flights, rebounds, self.jam(lanes))
 
 
