@@ -19,6 +19,7 @@ from sledenv.envs.columns import USUAL
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
+from sledenv.scenarios.handmade import Track
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
@@ -168,8 +169,26 @@ class Problem:
 
         They are those of :meth:`sledenv.Scenario.shifted`. Agents see them scaled as they are used to.
         """
+        return self._seen_here(self.scenario.shifted())
+
+    def on(self, track: Track | str | os.PathLike[str]) -> Problem:
+        """Return the ride on a track made by hand, on which no one trains, to judge agents of this one on it.
+
+        Its contexts are those of this problem, over other ground: see :meth:`sledenv.Scenario.on`. Agents see it scaled
+        as they are used to.
+
+        Raises
+        ------
+        ValueError
+            If it is no ride, or there is no such track.
+        """
+        self.must_be("descent", "a track made by hand")
+        return self._seen_here(self.scenario.on(track))
+
+    def _seen_here(self, scenario: Scenario) -> Problem:
+        """Return the problem of another scenario, seen on the scales of this one."""
         task, noise = self.task, tuple(self.noise.tolist())
-        given = self.scenario.shifted(), self.environment, self.control
+        given = scenario, self.environment, self.control
         other = Problem(*given, solver=task.solver, launch_noise=noise, observe=task.observed, columns=task.groups)
         other._seen_by = task
         return other

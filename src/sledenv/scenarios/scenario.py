@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from sledenv.scenarios.configuration import Document, Pair
+from sledenv.scenarios.handmade import Track, load_track
 from sledenv.scenarios.sections import (
     AnyBody,
     BumpsSection,
@@ -387,6 +388,42 @@ class Scenario(Document):
             slope = slope.model_copy(update={"bumps": bumps})
         content = self.model_copy(update={"launch_section": faster, "slope_section": slope}).model_dump(by_alias=True)
         return Scenario.model_validate(content)
+
+    def on(self, track: Track | str | os.PathLike[str]) -> Scenario:
+        """Return the scenario on a track made by hand, in place of its own ground.
+
+        Sled, contact, rider, ranges and run-out stay. The vertices are as round as those of its bumps.
+
+        Parameters
+        ----------
+        track : Track, str or path
+            As for :func:`sledenv.scenarios.handmade.load_track`.
+
+        Raises
+        ------
+        ScenarioError
+            If it is no ride.
+        TrackError
+            If there is no such track.
+
+        Examples
+        --------
+        >>> import sledenv
+        >>> sledenv.load_scenario("sled_rollers").on("whoops").id
+        'sled_rollers_on_whoops'
+        """
+        track = track if isinstance(track, Track) else load_track(track)
+        if not self.is_ride:
+            raise ScenarioError(
+                f"scenario {self.id}: must have a rider, and bumps or a profile, to be ridden on a track"
+            )
+        bumps = self.slope_section.bumps
+        ground = {"length_m": track.length_m, "profile_m": track.profile_m, "bumps": None}
+        content = self.model_dump(by_alias=True)
+        content["slope"] |= ground | {"rounding_m": 0.0 if bumps is None else bumps.rounding_m}
+        words = {"title": f"{track.title} ({self.title})", "description": track.description}
+        words["question"] = "Which trims bring the sled over this track without a fall?"
+        return Scenario.model_validate(content | words | {"id": f"{self.id}_on_{track.id}"})
 
     def errors(self, streams: NDArray[np.float64], decisions: NDArray[np.int64]) -> NDArray[np.float64]:
         """Return the errors [rad/s] of the spins that riders lend in flights, normal ones of ``rider.noise_rad_s``.

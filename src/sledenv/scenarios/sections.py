@@ -225,15 +225,8 @@ class SlopeSection(Section):
     @field_validator("profile_m")
     @classmethod
     def _goes_on(cls, profile: tuple[Pair, ...] | None) -> tuple[Pair, ...] | None:
-        if profile is None:
-            return None
-        x, _ = (vertices := np.array(profile)).T
-        falls = np.flatnonzero(np.diff(x) <= 0.0)
-        if falls.size:
-            k = int(falls[0]) + 1
-            raise ValueError(f"x of vertex {k} is {x[k]:g}: must be > that of the vertex before, {x[k - 1]:g} m")
-        if (problem := too_steep(vertices)) is not None:
-            raise ValueError(f"the piece from vertex {problem[0] - 1} to {problem[0]} {problem[1]}")
+        if profile is not None:
+            check_vertices(profile)
         return profile
 
     @field_validator("rounding_m")
@@ -257,6 +250,17 @@ class SlopeSection(Section):
     def profile(self) -> Profile:
         """Vertices of the ground that is the same in all contexts: see :class:`sledenv.Slope`."""
         return _profile(self)
+
+
+def check_vertices(profile: tuple[Pair, ...]) -> None:
+    """Raise ValueError if x does not increase from vertex to vertex, or if a piece is too steep."""
+    x, _ = (vertices := np.array(profile)).T
+    falls = np.flatnonzero(np.diff(x) <= 0.0)
+    if falls.size:
+        k = int(falls[0]) + 1
+        raise ValueError(f"x of vertex {k} is {x[k]:g}: must be > that of the vertex before, {x[k - 1]:g} m")
+    if (problem := too_steep(vertices)) is not None:
+        raise ValueError(f"the piece from vertex {problem[0] - 1} to {problem[0]} {problem[1]}")
 
 
 @lru_cache
