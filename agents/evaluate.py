@@ -13,7 +13,7 @@ import pandas as pd
 from cyclopts import Parameter
 from numpy.typing import NDArray
 
-from sledenv.benchmark.evaluation import Evaluation, evaluation_of, mean_interval, told
+from sledenv.benchmark.evaluation import Evaluation, HeldOut, evaluation_of, mean_interval, told
 from sledenv.benchmark.oracle import best_found
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import agent_name, load_run
@@ -73,6 +73,18 @@ def table(scores: list[Evaluation], best: pd.DataFrame | None = None) -> str:
     return "\n".join([header, "-" * len(header), *lines, "", *words])
 
 
+def track_table(scores: list[Evaluation]) -> str:
+    """Return mean reward and share of falls on each track made by hand as text, of every agent."""
+    places = np.array(scores[0].places)
+    rows = [["track", "contexts", *(score.policy for score in scores)]]
+    for place in np.unique(places):
+        on = places == place
+        cells = (f"{score.rewards[on].mean():.3f}, {score.fallen[on].mean():.1%} fall" for score in scores)
+        rows.append([str(place), str(on.sum()), *cells])
+    header, *lines = aligned(rows, ["<12", ">", "<"])
+    return "\n".join([header, "-" * len(header), *lines, "", "On each track: mean reward and share of falls."])
+
+
 def _told_mean(values: NDArray[np.float64], form: str) -> str:
     """Write the mean of values over contexts with its interval."""
     return told(float(values.mean()), mean_interval(values), form)
@@ -87,7 +99,8 @@ def as_json(scores: list[Evaluation], best: pd.DataFrame | None = None) -> list[
             lost_to = regrets(one, best)
             plain |= {"regret": float(lost_to.mean()), "regret_interval": mean_interval(lost_to)}
         plain |= {"falls": one.falls, "falls_interval": one.falls_interval}
-        found.append(plain | {"rewards": one.rewards.tolist()})
+        on = {} if one.places is None else {"tracks": one.places}
+        found.append(plain | {"rewards": one.rewards.tolist()} | on)
     return found
 
 
@@ -102,6 +115,7 @@ def _evaluate(
     contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
     searched: Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)] = SEARCHED,
     shifted: bool = False,
+    tracks: bool = False,
     json: Path | None = None,
 ) -> None:
     """Judge trained agents.
@@ -118,6 +132,8 @@ def _evaluate(
         Of these, whose best launch or ride is searched, against which losses are; 0 leaves losses out.
     shifted
         Judge in contexts of a kind that no one trains on: launches a quarter faster, over bumps a quarter higher.
+    tracks
+        Judge rides on the tracks made by hand, on which no one trains, and tell how each goes; losses are left out.
     json
         Also write the numbers to this file.
     """
@@ -125,16 +141,21 @@ def _evaluate(
     problems = {(problem.scenario.hash, problem.environment, problem.control) for problem, _, _ in loaded}
     if len(problems) > 1:
         raise ValueError("the runs have different scenarios or controls: judge them apart")
+    if shifted and tracks:
+        raise ValueError("--tracks and --shifted are contexts of two kinds: give one of them")
+    held_out: HeldOut = "tracks" if tracks else "shifted" if shifted else "test"
     with ExitStack() as places:
         file = json and taken(places, "--json", replacing(json, ".json"))
-        problem = loaded[0][0].shifted() if shifted else loaded[0][0]
-        scores = [evaluation_of(problem, agent, contexts, agent_name(config["agent"])) for _, agent, config in loaded]
+        problem = loaded[0][0]
+        named = [(agent, agent_name(config["agent"])) for _, agent, config in loaded]
+        scores = [evaluation_of(problem, agent, contexts, name, held_out) for agent, name in named]
+        problem = problem.shifted() if shifted else problem
         best = None
-        count = min(searched, contexts)
+        count = 0 if tracks else min(searched, contexts)
         if count:
             progress("evaluate")(f"searching the best of {count} contexts (--searched 0 leaves it out)")
             best = best_of(problem.seeing_all(), count, scores)
-        print(table(scores, best))
+        print(table(scores, best) + (f"\n\n{track_table(scores)}" if tracks else ""))
         if file:
             file.write_text(dumps(as_json(scores, best)), encoding="utf-8")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import inspect
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol
+from typing import Any, Literal, NamedTuple, Protocol, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -19,7 +19,12 @@ from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean
 from sledenv.envs.columns import USUAL
 from sledenv.machine.blame import blaming
+from sledenv.scenarios.handmade import track_names
 from sledenv.scenarios.scenario import Scenario, load_scenario
+from sledenv.simulation.rules import checked_choice
+
+HeldOut = Literal["test", "shifted", "tracks"]
+"""Contexts to judge in: those of the test split, shifted ones, or test contexts spread over the tracks made by hand."""
 
 _RESAMPLES = 2000
 
@@ -46,12 +51,15 @@ class Evaluation:
         Of each context, the mean over its trials: 64 draws of the launch noise of a launch, one of a ride.
     status : ndarray of str, shape (n, t)
         How each trial ended.
+    places : tuple of str, shape (n,), optional
+        The track made by hand on which each context lies; None where contexts have the ground of their scenario.
     """
 
     policy: str
     scenario: str
     rewards: NDArray[np.float64]
     status: NDArray[np.str_]
+    places: tuple[str, ...] | None = None
 
     def __post_init__(self) -> None:
         for name in ("rewards", "status"):
@@ -90,8 +98,9 @@ class Evaluation:
         return float((self.status == "finish").mean())
 
     def __repr__(self) -> str:
+        ground = "" if self.places is None else f" on {len(set(self.places))} tracks made by hand"
         return (
-            f"{self.policy}, {len(self.rewards)} test contexts of {self.scenario}; 95 % intervals\n"
+            f"{self.policy}, {len(self.rewards)} test contexts of {self.scenario}{ground}; 95 % intervals\n"
             f"mean reward  {told(self.mean, self.interval, '.3f')}\n"
             f"falls        {told(self.falls, self.falls_interval, '.1%')}\n"
             f"finished     {self.finished:.1%}"
@@ -109,6 +118,7 @@ def evaluate(
     observe: Literal["all"] | Sequence[str] | None = None,
     columns: Sequence[str] | None = None,
     shifted: bool = False,
+    tracks: bool = False,
     normalize: Any = None,
 ) -> Evaluation:
     """Ride or launch in test contexts, which no training draws with ``split="train"``.
@@ -135,6 +145,9 @@ def evaluate(
     shifted : bool
         Evaluate in contexts of a kind that no one trains on, those of :meth:`sledenv.Scenario.shifted`, seen on the
         scale of the others.
+    tracks : bool
+        Ride the test contexts on the :mod:`tracks made by hand <sledenv.scenarios.handmade>`, on which no one trains:
+        each context on the next track, in the order of their names.
     normalize : VecNormalize, optional
         What scales observations before the policy sees them. That of the environment on which a model of
         stable-baselines3 was trained is found; a model that is loaded has lost it.
@@ -173,6 +186,9 @@ def evaluate(
     >>> print(f"{found.mean:.3f}, {found.falls:.1%} fall")
     0.615, 37.0% fall
     """
+    if shifted and tracks:
+        raise ValueError("tracks = True: must be False where shifted is True")
+    held_out: HeldOut = "tracks" if tracks else "shifted" if shifted else "test"
     count = _checked_contexts(contexts)
     asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)
     agent: Policy | Planner
@@ -193,17 +209,44 @@ def evaluate(
         problem = Problem(asked, kind, control, launch_noise=launch_noise, **seen)
         name = _name(policy)
         agent = _as_agent(policy, name, problem, normalize)
-    return evaluation_of(problem.shifted() if shifted else problem, agent, count, name)
+    if tracks and not (problem.environment == "descent" and problem.scenario.is_ride):
+        raise ValueError(f"tracks = True: must be False, {problem.id} in {problem.scenario.id} is no ride over ground")
+    return evaluation_of(problem, agent, count, name, held_out)
 
 
-def evaluation_of(problem: Problem, agent: Policy | Planner, contexts: int, name: str) -> Evaluation:
-    """Simulate what an agent does in the first test contexts of a problem, the same for every agent."""
-    trials = problem.trials(problem.contexts("test", contexts), "test")
-    batch, _ = problem.judge(agent, trials)
-    shape = trials.shape[:2]
-    return Evaluation(
-        name, problem.scenario.id, batch.jam.reward.reshape(shape).mean(axis=1), batch.status.reshape(shape)
-    )
+def evaluation_of(
+    problem: Problem, agent: Policy | Planner, contexts: int, name: str, held_out: HeldOut = "test"
+) -> Evaluation:
+    """Simulate what an agent does in the first contexts of a held-out set, the same for every agent.
+
+    Raises
+    ------
+    ValueError
+        If there is no such set, or the problem is no ride where "tracks" are asked for.
+    """
+    rows, rewards, status, places = [], [], [], []
+    for place, one, own in _parts(problem, contexts, held_out):
+        # All are drawn, so that a context has the same draws of noise with and without tracks.
+        trials = one.trials(one.contexts("test", contexts), "test")[own]
+        batch, _ = one.judge(agent, trials)
+        rows.append(own)
+        rewards.append(batch.jam.reward.reshape(trials.shape[:2]).mean(axis=1))
+        status.append(batch.status.reshape(trials.shape[:2]))
+        places += [place] * len(own)
+    order = np.argsort(np.concatenate(rows))
+    on = tuple(places[i] for i in order) if held_out == "tracks" else None
+    return Evaluation(name, problem.scenario.id, np.concatenate(rewards)[order], np.concatenate(status)[order], on)
+
+
+def _parts(problem: Problem, contexts: int, held_out: HeldOut) -> Iterator[tuple[str, Problem, NDArray[np.intp]]]:
+    """Return what makes up a held-out set: track, "" if none, problem, and the numbers of its contexts."""
+    checked_choice("held_out", held_out, get_args(HeldOut))
+    if held_out == "tracks":
+        names = track_names()
+        for k, name in enumerate(names[:contexts]):
+            yield name, problem.on(name), np.arange(k, contexts, len(names))
+    else:
+        yield "", problem.shifted() if held_out == "shifted" else problem, np.arange(contexts)
 
 
 def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
