@@ -24,11 +24,13 @@ class _Rider(NamedTuple):
     agent: Agent
 
 
-def ridden(scenario: Scenario, contexts: Contexts, runs: Sequence[Path]) -> list[list[Ridden]]:
+def ridden(
+    scenario: Scenario, contexts: Contexts, runs: Sequence[Path], tracks: Sequence[str] = ()
+) -> list[list[Ridden]]:
     """Return how others ride in contexts of shape (n, 12): a list for each of them.
 
     They are the rule that lands parallel to the ground and the agents of runs, or of those that ship for the scenario
-    if none are named.
+    if none are named. With ``tracks``, n names of those made by hand, each context is ridden on its own.
 
     Raises
     ------
@@ -40,10 +42,15 @@ def ridden(scenario: Scenario, contexts: Contexts, runs: Sequence[Path]) -> list
         If an agent raises an error.
     """
     riders = [_rule(scenario), *(_trained(scenario, run) for run in runs or _shipped(scenario))]
-    found = [(one.name, one.problem.ride(one.agent, contexts)[1]) for one in riders]
-    return [
-        [Ridden(name, trims[i][~np.isnan(trims[i])].tolist()) for name, trims in found] for i in range(len(contexts))
-    ]
+    found = [(one.name, _trims(one, contexts, tracks)) for one in riders]
+    return [[Ridden(name, trims[i]) for name, trims in found] for i in range(len(contexts))]
+
+
+def _trims(rider: _Rider, contexts: Contexts, tracks: Sequence[str]) -> list[list[float]]:
+    """Trims of a rider in each context, in one flight after the other."""
+    parts = [(rider.problem.on(track), contexts[[i]]) for i, track in enumerate(tracks)] or [(rider.problem, contexts)]
+    tables = (problem.ride(rider.agent, own)[1] for problem, own in parts)
+    return [trims[~np.isnan(trims)].tolist() for table in tables for trims in table]
 
 
 def _rule(scenario: Scenario) -> _Rider:

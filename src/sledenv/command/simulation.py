@@ -215,6 +215,7 @@ def play(
     launch: Launch = _DRAWN,
     solver: Annotated[Solver, Surfaces] = "compliant",
     runs: Annotated[tuple[Path, ...], Parameter(name="--run", metavar="RUN")] = (),
+    tracks: Annotated[bool, Parameter(negative=())] = False,
     html: File = Path("play.html"),
     json: Json = False,
 ) -> None:
@@ -232,6 +233,8 @@ def play(
     runs
         Folder of a trained agent that rides beside you, or the name of one that ships; may be repeated (default: those
         that ship for the scenario, or else the one that looks ahead).
+    tracks
+        Ride on the tracks made by hand in place of the slopes of the scenario, in the context of the seed.
     html
         The page.
     """
@@ -240,11 +243,12 @@ def play(
     from sledenv.machine.files import replacing
     from sledenv.pages.opening import opening_page
     from sledenv.pages.play import Played, play_page
+    from sledenv.scenarios.handmade import load_track, track_names
     from sledenv.scenarios.scenario import load_scenario
 
-    if scenario is None and (launch != _DRAWN or solver != "compliant" or runs):
+    if scenario is None and (launch != _DRAWN or solver != "compliant" or runs or tracks):
         raise ValueError(
-            "play: a launch, surfaces or a run are asked for, of no scenario: name one, such as sled_rollers"
+            "play: a launch, surfaces, a run or tracks are asked for, of no scenario: name one, such as sled_rollers"
         )
     with ExitStack() as places:
         page = taken(places, "--html", replacing(html, ".html", ".htm"))
@@ -256,22 +260,27 @@ def play(
         ride = loaded.is_ride  # a plane has no take-offs but of rebounds
         if runs and not ride:
             raise ValueError(f"--run = {runs[0]}: scenario {loaded.id} has no rider over bumps, see sledenv map")
+        if tracks and not ride:
+            raise ValueError(f"--tracks: scenario {loaded.id} has no rider over bumps, who could ride on them")
         if ride and solver != "compliant":
             raise ValueError(f"--solver = {solver!r}: must be compliant in a page to ride")
         loaded = loaded.ride() if ride else loaded
         orientation = None if launch.orientation_deg is None else math.radians(launch.orientation_deg)
         given = {"orientation": orientation, "spin": launch.spin, "speed": launch.speed}
         asked = {name: value for name, value in given.items() if value is not None}
-        seeds = range(launch.seed, launch.seed + (_HILLS if ride else 1))
+        names = track_names() if tracks else ()
+        seeds = [launch.seed] * len(names) or range(launch.seed, launch.seed + (_HILLS if ride else 1))
         contexts = [loaded.sample(np.random.default_rng(seed))._replace(**asked) for seed in seeds]
         if ride:
             from sledenv.benchmark.riders import ridden
             from sledenv.pages.ride import Hill, ride_page
 
             with working("play"):
-                others = ridden(loaded, np.array(contexts), runs)
-            names = [f"draw {seed}" for seed in seeds]
-            text = ride_page(loaded, [Hill(*one) for one in zip(names, contexts, others, strict=True)])
+                others = ridden(loaded, np.array(contexts), runs, names)
+            titles = [load_track(name).title for name in names] or [f"draw {seed}" for seed in seeds]
+            grounds = [loaded.on(name) for name in names] or [None] * len(seeds)
+            hills = [Hill(*one) for one in zip(titles, contexts, others, grounds, strict=True)]
+            text = ride_page(loaded, hills, "Tracks made by hand" if tracks else None)
         else:
             text = play_page(loaded, [Played(f"seed {launch.seed}", contexts[0])], solver)
         page.write_text(text, encoding="utf-8")

@@ -31,9 +31,10 @@ class Hill(NamedTuple):
     name: str
     context: Context
     rides: Sequence[Ridden] = ()
+    scenario: Scenario | None = None  # whose context it is, if not that of the page
 
 
-def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
+def ride_page(scenario: Scenario, hills: Sequence[Hill], title: str | None = None) -> str:
     """Return a page to ride, which needs no other file and no network: docs/browser.md.
 
     Parameters
@@ -41,7 +42,10 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
     scenario : Scenario
         With a rider; one of rides.
     hills : sequence of Hill
-        What can be chosen, at least one; the first is chosen at first.
+        What can be chosen, at least one; the first is chosen at first. One with a scenario of its own, which has the
+        same rider, is told by the description of that.
+    title : str, optional
+        That of the scenario by default.
 
     Raises
     ------
@@ -53,17 +57,17 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
         raise ValueError(f"scenario {scenario.id} has no rider: must have one who can trim")
     if not hills:
         raise ValueError("hills is empty: must hold at least one")
-    first = hills[0].context
-    untrimmed = simulate(*scenario.given(first), scenario.settings(), record="trajectory")
+    own = [hill.scenario or scenario for hill in hills]
+    untrimmed = simulate(*own[0].given(hills[0].context), own[0].settings(), record="trajectory")
     exact = {
         "trim": rider.trim_rad_s,
         "rotor_inertia": rider.rotor_inertia_kg_m2,
-        "hills": [_told(scenario, rider, hill) for hill in hills],
+        "hills": [_told(one, rider, hill) for one, hill in zip(own, hills, strict=True)],
     }
-    drawn = [drawn_body(scenario.given(hill.context).body) for hill in hills]
+    drawn = [drawn_body(one.given(hill.context).body) for one, hill in zip(own, hills, strict=True)]
     content = {
-        "title": scenario.title,
-        "question": scenario.question,
+        "title": title or scenario.title,
+        "question": hills[0].scenario.description if hills[0].scenario else scenario.question,
         "noise": rider.noise_rad_s,
         "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
@@ -77,7 +81,7 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill]) -> str:
 
 def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]:
     """What the page must know of a context, all digits of its numbers."""
-    name, context, rides = hill
+    name, context, rides, own = hill
     given = scenario.given(context)
     scene = descent_input(*given, scenario.settings())
     scene["limits"]["shortest_flight"] = rider.shortest_flight_s
@@ -85,6 +89,7 @@ def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]
     errors = scenario.errors(np.full(most, context.track), np.arange(most))
     return {
         "name": name,
+        "question": own.description if own else scenario.question,
         "scene": scene,
         "errors": errors.tolist(),
         "rides": [{"name": ride.name, "trims": [float(trim) for trim in ride.trims]} for ride in rides],

@@ -40,6 +40,7 @@ async function ride(trims, known = trims.length) {
 async function openHill(number) {
   const chosen = E.hills[number];
   [hill, going, asking] = [chosen, false, true];
+  put($("question"), chosen.question);
   const named = [{ name: "you", trims: [] }, ...chosen.rides];
   try {
     const found = await Promise.all(named.map(({ trims }) => ride(trims)));
