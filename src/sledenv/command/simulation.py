@@ -24,6 +24,7 @@ from sledenv.command.arguments import (
 from sledenv.command.running import DPI, taken, tell, working
 
 if TYPE_CHECKING:
+    from sledenv.scenarios.scenario import Scenario
     from sledenv.simulation.bodies import Body
     from sledenv.simulation.outcomes import Descent, Record
     from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -278,7 +279,7 @@ def play(
             with working("play"):
                 others = ridden(loaded, np.array(contexts), runs, names)
             titles = [load_track(name).title for name in names] or [f"draw {seed}" for seed in seeds]
-            grounds = [loaded.on(name) for name in names] or [None] * len(seeds)
+            grounds: list[Scenario | None] = [*map(loaded.on, names)] or [None] * len(seeds)
             hills = [Hill(*one) for one in zip(titles, contexts, others, grounds, strict=True)]
             text = ride_page(loaded, hills, "Tracks made by hand" if tracks else None)
         else:

@@ -68,6 +68,7 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill], title: str | None = Non
     content = {
         "title": title or scenario.title,
         "question": hills[0].scenario.description if hills[0].scenario else scenario.question,
+        "named": hills[0].scenario is not None,
         "noise": rider.noise_rad_s,
         "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
