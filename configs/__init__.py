@@ -1,1 +1,1 @@
-"""Everything that ships as YAML: scenarios, studies, suites, and settings of the agents."""
+"""Everything that ships as YAML: scenarios, tracks, studies, suites, and settings of the agents."""

@@ -259,7 +259,13 @@ def test_a_wheel_carries_every_file_of_the_package(built: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
     expected = {f"{place}{name}" for folder, place in HOMES.items() for name in files_below(built / "sledenv" / folder)}
-    some = ("pages/templates/play.html", "py.typed", "agents/sac.py", "configs/suites/smoke.yaml")
+    some = (
+        "pages/templates/play.html",
+        "py.typed",
+        "agents/sac.py",
+        "configs/suites/smoke.yaml",
+        "configs/tracks/whoops.yaml",
+    )
     assert {f"sledenv/{name}" for name in some} <= expected
     assert names == expected
 

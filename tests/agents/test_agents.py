@@ -240,6 +240,26 @@ def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_w
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_tracks_made_by_hand_have_a_table_of_their_own(tmp_path, capsys):
+    """Oracle: the rewards that ``evaluate`` gives."""
+    name, file = "sled_rollers-descent-trim-ride_critic-s0", tmp_path / "scores.json"
+    assert main([name, "--tracks", "--contexts", "14", "--json", str(file)]) == 0
+    told = capsys.readouterr().out
+    score = sledenv.evaluate(name, contexts=14, tracks=True)
+    assert json.loads(file.read_text())[0]["rewards"] == score.rewards.tolist()
+    assert json.loads(file.read_text())[0]["tracks"] == list(score.places)
+    lines = {line.split()[0]: line.split() for line in told.splitlines() if line}
+    assert "best reward" not in told
+    for track in score.places:
+        on = np.array(score.places) == track
+        mean, falls = f"{score.rewards[on].mean():.3f},", f"{score.fallen[on].mean():.1%}"
+        assert lines[track] == [track, str(on.sum()), mean, falls, "fall"]
+    assert main([name, "--tracks", "--shifted"]) == 2
+    assert "--tracks and --shifted are contexts of two kinds" in capsys.readouterr().err
+    assert main(["sled_mat-launch-spin-critic-s0", "--tracks"]) == 2
+    assert "must be 'descent' for a track made by hand" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("command", ["demo", "evaluate", "train"])
 def test_help_needs_no_docstrings(command, capsys):
     """Oracle: the module as python -OO has it."""

@@ -26,6 +26,7 @@ from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.sb3 import make_vec_env
 from sledenv.machine.blame import GivenCodeError
+from sledenv.scenarios import load_track, track_names
 from sledenv.scenarios.scenario import Context
 
 RIDE, RUN = "sled_rollers", "sled_mat-launch-spin-critic-s0"
@@ -118,6 +119,33 @@ def test_what_is_not_observed_reads_nothing_and_shifted_contexts_are_seen_on_the
     assert seen[0][:, 3].max() > 1.0
     problem = Problem(RIDE, "descent").shifted()
     assert np.array_equal(shifted.rewards, evaluation_of(problem, SimpleNamespace(act=still), 20, "still").rewards)
+
+
+def test_tracks_made_by_hand_take_turns():
+    """Oracle: each track judged by itself in all contexts, which are those without tracks; what is seen of them."""
+    seen: list[np.ndarray] = []
+
+    def watching(observations: np.ndarray) -> np.ndarray:
+        seen.append(observations)
+        return np.zeros((len(observations), 1))
+
+    found = sledenv.evaluate(watching, RIDE, 27, tracks=True)
+    assert found.places == (2 * track_names() + track_names()[:3])
+    problem = Problem(RIDE, "descent")
+    drawn = problem.trials(problem.contexts("test", 27), "test")
+    for k, name in enumerate(track_names()):
+        other = problem.on(name)
+        assert np.array_equal(other.trials(other.contexts("test", 27), "test"), drawn)
+        batch, _ = other.judge(SimpleNamespace(act=still), drawn)
+        assert np.array_equal(found.rewards[k::12], batch.jam.reward[k::12])
+        assert np.array_equal(found.status[k::12, 0], batch.status[k::12])
+    told = problem.task.columns.values(seen[0])  # of the first track, scaled as rollers are
+    heights = [told[f"{place}_y"][0] for place in ("behind_1", "ahead_1", "ahead_2", "ahead_3", "ahead_4")]
+    rises = np.diff([y for _, y in load_track("camel").profile_m])
+    assert np.abs(np.lib.stride_tricks.sliding_window_view(rises, 4) - np.diff(heights)).max(axis=1).min() < 1e-6
+    assert sledenv.evaluate(still, RIDE, 27).places is None
+    assert str(found).startswith("watching, 27 test contexts of sled_rollers on 12 tracks made by hand; 95 % intervals")
+    assert sledenv.evaluate(still, RIDE, 2, tracks=True).places == track_names()[:2]
 
 
 def trained(normalized: bool) -> Any:
@@ -268,6 +296,17 @@ class Broken:
             "normalize.observation_space has shape (22,): must be (52,)",
         ),
         (Model(_last_obs=np.full((2, 52), 1.5)), {}, "normalize = None: must be the VecNormalize with which the"),
+        (still, {"tracks": True, "shifted": True}, "tracks = True: must be False where shifted is True"),
+        (
+            still,
+            {"tracks": True, "scenario": "sled_mat"},
+            "tracks = True: must be False, sledenv/SledLaunch-v0 in sled_mat is no ride over ground",
+        ),
+        (
+            still,
+            {"tracks": True, "environment": "launch"},
+            "tracks = True: must be False, sledenv/SledLaunch-v0 in sled_rollers is no ride over ground",
+        ),
         (RUN, {"control": "spin"}, f"control = 'spin': must be left out, the run {RUN} has its own"),
         (RUN, {}, "scenario = 'sled_rollers' with the hash "),
         (lambda seen: np.zeros((len(seen), 2)), {}, "agent <lambda>, scenario sled_rollers: actions have shape (3, 2)"),
@@ -299,6 +338,16 @@ def test_a_mistake_of_a_policy_is_told_as_its_own(policy, message):
         sledenv.evaluate(policy, RIDE, 3)
     if "state" not in message:
         assert re.search(r" \(test_evaluation\.py, line \d+\)$", str(raised.value))
+
+
+def test_an_unknown_held_out_set_is_named():
+    problem, agent = Problem(RIDE, "descent"), SimpleNamespace(act=still)
+    with pytest.raises(ValueError, match=r"^held_out = 'hard': must be one of 'test', 'shifted', 'tracks'$"):
+        evaluation_of(problem, agent, 2, "still", "hard")
+    with pytest.raises(
+        ValueError, match=r"^problem.environment = 'launch': must be 'descent' for a track made by hand$"
+    ):
+        evaluation_of(Problem(RIDE), agent, 2, "still", "tracks")
 
 
 def test_a_run_that_is_not_there_is_named():

@@ -16,6 +16,7 @@ import pytest
 
 from sledenv.command.cli import main
 from sledenv.command.simulation import PICTURES
+from sledenv.scenarios import load_track, track_names
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
@@ -236,6 +237,29 @@ def test_play_of_a_ride_writes_a_page_to_ride(tmp_path: Path, capsys: pytest.Cap
     assert "chooses a launch" in refused(capsys, "play", *which, *run)
     assert "scenario ice_drop has no rider over bumps" in refused(capsys, "play", own_scenario("ice_drop"), *run)
     assert "are asked for, of no scenario: name one" in refused(capsys, "play", *run)
+
+
+def test_play_on_tracks_writes_a_page_of_twelve(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: titles and vertices of the tracks; the launch that ``sledenv simulate`` prints."""
+    page, which = tmp_path / "page.html", ("sled_kickers", "--seed", "4")
+    assert main(["play", *which, "--tracks", "--html", str(page), "--json"]) == 0
+    capsys.readouterr()
+    data = data_of(page.read_text(encoding="utf-8"))
+    assert data["title"] == "Tracks made by hand"
+    hills = json.loads(data["exact"])["hills"]
+    tracks = [load_track(name) for name in track_names()]
+    assert [hill["name"] for hill in hills] == [track.title for track in tracks]
+    assert [hill["question"] for hill in hills] == [track.description for track in tracks]
+    assert data["question"] == tracks[0].description
+    profiles = [[vertex[:2] for vertex in hill["scene"]["slope"]["profile"]] for hill in hills]
+    assert profiles == [[list(vertex) for vertex in track.profile_m] for track in tracks]
+    assert all(len(hill["rides"]) > 1 for hill in hills)
+    assert main(["simulate", *which, "--json"]) == 0
+    launch = json.loads(capsys.readouterr().out)["launch"]
+    assert all(hill["scene"]["launch"] == launch for hill in hills)
+    told = refused(capsys, "play", "sled_mat", "--tracks", "--html", str(page))
+    assert "--tracks: scenario sled_mat has no rider over bumps" in told
+    assert "are asked for, of no scenario: name one" in refused(capsys, "play", "--tracks", "--html", str(page))
 
 
 def test_wrong_arguments_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

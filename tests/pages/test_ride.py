@@ -12,6 +12,7 @@ import pytest
 
 from sledenv.envs.task import Task
 from sledenv.pages.ride import Hill, Ridden, ride_page
+from sledenv.scenarios import load_track, track_names
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
 from tests.browser import Browser, at_speed, needs_chromium, patient, wait_until
@@ -160,3 +161,27 @@ def test_a_ride_can_be_read_on_large_and_small_screens(page: Browser, width: int
     page.must_be_readable(width)
     scores = page.run("return [...document.querySelectorAll('.how')].map(one => one.getBoundingClientRect().bottom)")
     assert max(scores) <= height
+
+
+@needs_chromium
+@pytest.mark.jit_only
+@pytest.mark.parametrize(("width", "height"), [(1280, 900), (390, 844)])
+def test_a_track_is_chosen_by_its_title(chromium: Browser, tmp_path: Path, width: int, height: int) -> None:
+    """Oracle: titles and descriptions of the tracks; ``Ride`` on the one that is chosen, bit for bit."""
+    scenario, context = drawn("sled_rollers", SEEDS[0])
+    tracks = [load_track(name) for name in track_names()]
+    hills = [Hill(one.title, context, [Ridden("none", [0.0] * 30)], scenario.on(one)) for one in tracks]
+    file = tmp_path / "ride.html"
+    file.write_text(patient(ride_page(scenario, hills, "Tracks")), encoding="utf-8")
+    chromium.open(file)
+    chromium.screen(width, height)
+    wait_until(chromium, f"riders.length > 0 && {STANDS}")
+    assert chromium.text("h1") == "Tracks"
+    assert chromium.run("return [...$('hill').options].map(one => one.textContent)") == [one.title for one in tracks]
+    assert chromium.text("#hills").startswith("track")
+    chromium.run("$('hill').selectedIndex = 8; $('hill').dispatchEvent(new Event('input'))")
+    wait_until(chromium, f"hill === E.hills[8] && {STANDS}")
+    assert chromium.text("#question") == tracks[8].description
+    assert told(chromium, 1) == numbers_of(in_python(scenario.on(tracks[8]), context, [0.0] * 30))
+    chromium.must_be_readable(width)
+    assert chromium.log() == []

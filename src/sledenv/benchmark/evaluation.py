@@ -19,7 +19,7 @@ from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean
 from sledenv.envs.columns import USUAL
 from sledenv.machine.blame import blaming
-from sledenv.scenarios.handmade import track_names
+from sledenv.scenarios import track_names
 from sledenv.scenarios.scenario import Scenario, load_scenario
 from sledenv.simulation.rules import checked_choice
 
@@ -146,7 +146,7 @@ def evaluate(
         Evaluate in contexts of a kind that no one trains on, those of :meth:`sledenv.Scenario.shifted`, seen on the
         scale of the others.
     tracks : bool
-        Ride the test contexts on the :mod:`tracks made by hand <sledenv.scenarios.handmade>`, on which no one trains:
+        Ride the test contexts on the :mod:`tracks made by hand <sledenv.scenarios>`, on which no one trains:
         each context on the next track, in the order of their names.
     normalize : VecNormalize, optional
         What scales observations before the policy sees them. That of the environment on which a model of

@@ -19,7 +19,7 @@ from sledenv.envs.columns import USUAL
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
-from sledenv.scenarios.handmade import Track
+from sledenv.scenarios import Track
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room

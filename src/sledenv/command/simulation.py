@@ -244,7 +244,7 @@ def play(
     from sledenv.machine.files import replacing
     from sledenv.pages.opening import opening_page
     from sledenv.pages.play import Played, play_page
-    from sledenv.scenarios.handmade import load_track, track_names
+    from sledenv.scenarios import load_track, track_names
     from sledenv.scenarios.scenario import load_scenario
 
     if scenario is None and (launch != _DRAWN or solver != "compliant" or runs or tracks):

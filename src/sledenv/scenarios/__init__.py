@@ -1,1 +1,5 @@
-"""Files of configuration, and the contexts that scenarios draw from theirs; imports simulation/."""
+"""Files of configuration, the contexts that scenarios draw from theirs, tracks made by hand; imports simulation/."""
+
+from sledenv.scenarios.handmade import Track, TrackError, load_track, track_names
+
+__all__ = ["Track", "TrackError", "load_track", "track_names"]

@@ -20,7 +20,7 @@ from pydantic_core import CoreSchema, ErrorDetails, core_schema
 from sledenv.machine.extras import folder_of
 
 Pair = tuple[float, float]
-CONFIGS: Final = folder_of("configs")  # all that ships as YAML: scenarios, studies, suites, settings
+CONFIGS: Final = folder_of("configs")  # all that ships as YAML: scenarios, tracks, studies, suites, settings
 
 _NUMBERS = {  # tags of YAML, and how they are written here
     "tag:yaml.org,2002:int": r"[-+]?(0|[1-9][0-9]*)$",

@@ -70,7 +70,7 @@ def load_track(name_or_path: str | os.PathLike[str]) -> Track:
 
     Examples
     --------
-    >>> from sledenv.scenarios.handmade import load_track, track_names
+    >>> from sledenv.scenarios import load_track, track_names
     >>> len(track_names())
     12
     >>> load_track("whoops")

@@ -397,7 +397,7 @@ class Scenario(Document):
         Parameters
         ----------
         track : Track, str or path
-            As for :func:`sledenv.scenarios.handmade.load_track`.
+            As for :func:`sledenv.scenarios.load_track`.
 
         Raises
         ------
