@@ -74,12 +74,13 @@ def table(scores: list[Evaluation], best: pd.DataFrame | None = None) -> str:
 
 
 def track_table(scores: list[Evaluation]) -> str:
-    """Return mean reward and share of falls on each track made by hand as text, of every agent."""
+    """Return mean reward and share of falls on each track made by hand as text, the agent of most reward first."""
+    ranked = sorted(scores, key=lambda score: -score.mean)
     places = np.array(scores[0].places)
-    rows = [["track", "contexts", *(score.policy for score in scores)]]
+    rows = [["track", "contexts", *(score.policy for score in ranked)]]
     for place in np.unique(places):
         on = places == place
-        cells = (f"{score.rewards[on].mean():.3f}, {score.fallen[on].mean():.1%} fall" for score in scores)
+        cells = (f"{score.rewards[on].mean():.3f}, {score.fallen[on].mean():.1%} fall" for score in ranked)
         rows.append([str(place), str(on.sum()), *cells])
     header, *lines = aligned(rows, ["<12", ">", "<"])
     return "\n".join([header, "-" * len(header), *lines, "", "On each track: mean reward and share of falls."])
