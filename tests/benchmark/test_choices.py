@@ -144,7 +144,7 @@ def test_wrong_seeds_are_named(seeds: list[int]) -> None:
 
 
 def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(module, "chosen", None)
+    monkeypatch.setattr(module, "_chosen", None)
     scenario = load_scenario(SCENARIO)
     with pytest.raises(FileNotFoundError, match="no finished run"):
         choices(scenario, [0], [tmp_path])

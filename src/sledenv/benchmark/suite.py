@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
+from operator import attrgetter
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 
@@ -85,7 +86,6 @@ class Suite(Document):
     steps: Annotated[int | None, Whole("[1, 1000000000]")] = None  # budget in place of the configured one
     observe: Literal["all"] | tuple[str, ...] = "all"  # fields of the context that agents see
     exact: bool = False  # whether launches are hit exactly, which is a track of its own
-    maps: Annotated[int, Whole("[0, inf)")] = 2  # contexts of each scenario whose jam map is kept
 
     @model_validator(mode="before")
     @classmethod
@@ -135,15 +135,10 @@ class Suite(Document):
     @property
     def words(self) -> str:
         """What is to be done, for a reader."""
-        trained = sum(
-            len(self.scenarios[kind]) * entry.seeds * max(1, len(entry.variants))
-            for kind, agents in self.agents.items()
-            for entry in agents.values()
-        )
-        agents = len({module for agents in self.agents.values() for module in agents})
-        scenarios = len({scenario for scenario, _ in self.questions()})
-        jobs = f"{trained} jobs ({agents} agents with their seeds, scenarios: {scenarios})"
-        return f"suite {self.id}, {self.title}: {jobs}, each judged in {self.contexts} contexts"
+        jobs = self.jobs()
+        agents, scenarios = len({job.module for job in jobs}), len({job.scenario for job in jobs})
+        asked = f"{len(jobs)} jobs ({agents} agents with their seeds, scenarios: {scenarios})"
+        return f"suite {self.id}, {self.title}: {asked}, each judged in {self.contexts} contexts"
 
     def questions(self) -> list[tuple[str, Environment]]:
         """Return each scenario with each environment in which it is asked."""
@@ -163,8 +158,8 @@ class Suite(Document):
             content |= {"settings": os.path.abspath(folder / content["settings"])}
         return content
 
-    def jobs(self) -> Iterator[Job]:
-        """Yield everything to train and to judge.
+    def jobs(self) -> list[Job]:
+        """Return everything to train and to judge.
 
         Jobs of one seed of all agents and scenarios come before those of the next, so that a suite that is stopped
         early has seen everything.
@@ -176,42 +171,24 @@ class Suite(Document):
         """
         if not Path(self.settings).is_dir():
             raise SuiteError(f"suite {self.id}: settings = {self.settings!r}: there is no such folder")
-        named = [
-            (kind, module, entry.seeds, *variant)
-            for kind, agents in self.agents.items()
-            for module, entry in agents.items()
-            for variant in (entry.variants or {"": {}}).items()
-        ]
-        settings = {
-            (kind, module, scenario, variant): self._settings(module, problem, changes)
+        jobs = [
+            Job(module, kind, scenario, seed, settings, self._given(), variant)
             for scenario, kind in self.questions()
-            for problem in [self._problem(scenario, kind)]
-            for of, module, _, variant, changes in named
-            if of == kind
-        }
-        for seed in range(max((seeds for _, _, seeds, *_ in named), default=0)):
-            for scenario, asked in self.questions():
-                for kind, module, seeds, variant, _ in named:
-                    if kind == asked and seed < seeds:
-                        chosen = dict(settings[kind, module, scenario, variant])
-                        yield Job(module, kind, scenario, seed, chosen, self._given(), variant)
+            for module, entry in self.agents[kind].items()
+            for variant, changes in (entry.variants or {"": {}}).items()
+            for settings in [self._settings(module, scenario, kind, changes)]
+            for seed in range(entry.seeds)
+        ]
+        return sorted(jobs, key=attrgetter("seed"))
 
-    def _problem(self, scenario: str, kind: Environment) -> Problem:
-        try:
-            return self.problem(scenario, kind)
-        except ValueError as error:
-            raise SuiteError(f"suite {self.id}: {error}") from error
-
-    def _settings(self, module: str, problem: Problem, changes: dict[str, Any]) -> dict[str, Any]:
+    def _settings(self, module: str, scenario: str, kind: Environment, changes: dict[str, Any]) -> dict[str, Any]:
+        """Return the settings of an agent, those of its file with what a variant changes."""
         try:
             agent_class(module)
-            settings = read_settings(Path(self.settings), module, problem)
+            settings = read_settings(Path(self.settings), module, self.problem(scenario, kind))
+            if unknown := sorted(changes.keys() - settings.keys()):
+                known = ", ".join(settings) or "none"
+                raise ValueError(f"agent {module}, variants: {unknown[0]!r} is no setting; there are {known}")
         except ValueError as error:
             raise SuiteError(f"suite {self.id}: {error}") from error
-        unknown = sorted(changes.keys() - settings.keys())
-        if unknown:
-            known = ", ".join(settings) or "none"
-            raise SuiteError(
-                f"suite {self.id}: agent {module}, variants: {unknown[0]!r} is no setting; there are {known}"
-            )
         return budgeted(settings | changes, self.steps)

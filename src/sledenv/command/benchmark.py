@@ -87,7 +87,7 @@ def benchmark(
 ) -> None:
     """Train and judge the agents of a suite, and write the report.
 
-    Trains and judges every agent of a suite on every scenario, gathers the numbers as Parquet files and writes the
+    Trains and judges every agent of a suite on every scenario, keeps the numbers in results.sqlite and writes the
     report. What has been done already is kept, so that a run which was stopped goes on.
 
     Parameters
@@ -98,8 +98,9 @@ def benchmark(
         Default: runs/benchmark/SUITE.
     """
     from sledenv.benchmark.report import shown, write_report
+    from sledenv.benchmark.results import read_results
     from sledenv.benchmark.runner import run_suite
-    from sledenv.benchmark.scores import read_results, scores
+    from sledenv.benchmark.scores import scores
     from sledenv.benchmark.suite import Suite
 
     one = Suite.load(suite)
@@ -107,8 +108,9 @@ def benchmark(
     progress("benchmark")(f"{one.words}; results go to {folder}")
     with resumable():
         folder = run_suite(one, folder, workers=workers, ray=ray)
-    results = read_results(folder)
-    page, found = write_report(results, folder / "report"), scores(results)
+    results = read_results(one, folder)
+    found = scores(results)
+    page = write_report(results, found, folder / "report")
     if not json:
         tell(shown(found), None, json)
     tell(f"benchmark: wrote {page}", {"suite": one.id, "scores": found, "written": [page]}, json)

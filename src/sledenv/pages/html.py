@@ -47,11 +47,6 @@ def _number(value: float, form: str = "z.3f") -> str:
     return f"{value:{form}}".replace("-", "\N{MINUS SIGN}").replace("%", "\N{NO-BREAK SPACE}%")
 
 
-def _after(words: str, others: str) -> str:
-    """Write words after others, which all names of a list may have in common."""
-    return others + words
-
-
 _TEMPLATES = Environment(
     loader=PackageLoader("sledenv.pages"),
     autoescape=True,
@@ -60,5 +55,5 @@ _TEMPLATES = Environment(
     undefined=StrictUndefined,
 )
 _TEMPLATES.policies["json.dumps_kwargs"] = {"allow_nan": False, "separators": (",", ":")}
-_TEMPLATES.filters |= {"plain": _plain, "number": _number, "after": _after}
+_TEMPLATES.filters |= {"plain": _plain, "number": _number}
 _TEMPLATES.tests["nan"] = math.isnan
