@@ -9,7 +9,8 @@ import pandas as pd
 import pytest
 import yaml
 
-from sledenv.benchmark.runner import TABLES, run_suite
+from sledenv.benchmark.results import read_results
+from sledenv.benchmark.runner import run_suite
 from sledenv.benchmark.suite import Suite
 from sledenv.uncertainty import run, study
 from tests.own_scenarios import own_scenario
@@ -41,15 +42,16 @@ def test_two_workers_of_a_cluster_give_the_numbers_of_one_process(cluster, tmp_p
     file = tmp_path / "tiny.yaml"
     settings = ROOT / "configs" / "agents"
     content = {"id": "tiny", "title": "A test", "contexts": 3, "settings": str(settings)}
-    content |= {"steps": 200, "scenarios": [own_scenario("ice_drop")], "maps": 1}
+    content |= {"steps": 200, "scenarios": [own_scenario("ice_drop")]}
     agents = {"sledenv.agents.zero": 1, "sledenv.agents.random_launch": 2, "sledenv.agents.best_fixed": 2}
     content |= {"agents": {"launch": agents}}
     file.write_text(yaml.safe_dump(content))
     suite = Suite.load(file)
-    run_suite(suite, tmp_path / "one", workers=1)
-    run_suite(suite, tmp_path / "two", ray=cluster)
-    for name in TABLES:
-        one, two = (pd.read_parquet(tmp_path / folder / f"{name}.parquet") for folder in ("one", "two"))
+    found = [
+        read_results(suite, run_suite(suite, tmp_path / folder, **how))
+        for folder, how in (("one", {"workers": 1}), ("two", {"ray": cluster}))
+    ]
+    for one, two in zip(*found, strict=True):
         timed = [column for column in one if str(column).startswith("train_")]
         pd.testing.assert_frame_equal(one.drop(columns=timed), two.drop(columns=timed), check_exact=True)
 

@@ -378,9 +378,7 @@ def test_a_map_that_cannot_be_made_is_explained(tmp_path: Path, capsys: pytest.C
 def call_of_a_suite(folder: Path) -> list[str]:
     agents = "{launch: {sledenv.agents.zero: 1, sledenv.agents.random_launch: 1, sledenv.agents.best_fixed: 1}}"
     suite = folder / "two.yaml"
-    suite.write_text(
-        f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_mat], maps: 0, agents: {agents}}}"
-    )
+    suite.write_text(f"{{id: two, title: Two, contexts: 3, settings: ., scenarios: [sled_mat], agents: {agents}}}")
     (folder / "best_fixed.yaml").write_text("sledenv/SledLaunch-v0: {n_timesteps: 60, contexts: 3}")
     return ["benchmark", "--suite", str(suite), "--out", str(folder / "out"), "--workers", "1"]
 
