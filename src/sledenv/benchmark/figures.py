@@ -90,7 +90,7 @@ def plot_learning(results: Results) -> Figure | None:
 
     dashed = [Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="reference, test contexts")]
     handles = _lines(results.curves) + (dashed if levels.notna().any() else [])
-    return _panels(results.curves, draw, "descents, of rides flights", "mean reward", handles)
+    return _panels(results.curves, draw, "simulated descents or flights", "mean reward", handles)
 
 
 def plot_regret(results: Results) -> Figure | None:
