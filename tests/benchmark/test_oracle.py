@@ -109,8 +109,8 @@ def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
 
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", Suite.load("launch").scenarios["launch"])
-def test_the_interval_is_that_of_the_launch_and_twenty_times_the_launches_find_little_more(scenario):
-    """Oracle: 8,192 draws; searches of other grids and scenes, ten times as many.
+def test_the_interval_is_that_of_the_launch_and_other_searches_find_little_more(scenario):
+    """Oracle: 8,192 draws; searches of other grids and scenes, three times as many.
 
     Of the 22 contexts of a scenario at most three may lie outside: with 95 % inside that happens in 2 % of the tests.
     """
@@ -120,7 +120,7 @@ def test_the_interval_is_that_of_the_launch_and_twenty_times_the_launches_find_l
     draws = problem.scenes(contexts, 8192, (13,))
     own = problem.expect(draws, actions_of(table)[:, np.newaxis])[:, 0]
     assert ((own < table["low"]) | (own > table["high"])).sum() <= 3
-    more = np.concatenate([_search(problem, contexts, 20 + i) for i in range(20)], axis=1)
+    more = np.concatenate([_search(problem, contexts, 20 + i) for i in range(6)], axis=1)
     first = problem.expect(problem.scenes(contexts, 512, (12,)), more)
     best = np.take_along_axis(more, np.argsort(-first, axis=1)[:, :4, np.newaxis], axis=1)
     assert (problem.expect(draws, best).max(axis=1) > table["high"] + table["apart"]).sum() <= 3
