@@ -1,238 +1,213 @@
-"""A critic that knows the distribution of the reward of every landing, and no actor: what it rates best is done."""
+"""A critic that knows the distribution of what every action still earns, and no actor: what it rates best is done."""
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Self, cast
+from zipfile import BadZipFile
 
 import numpy as np
+from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 from scipy.stats import qmc
 
-from sledenv.benchmark.landing import Landing
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import Contexts
+from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.machine.extras import needs
 
-from .classes import Bins, Fit, keep, kept_weights
 from .curve import Curve
-from .touch import Touch
+from .features import Features, features_of
 
 with needs("agents", __name__):
     import torch
     from torch import nn
-    from torch.optim.swa_utils import get_ema_multi_avg_fn
-
+    from torch.optim.swa_utils import AveragedModel
 
 Floats = NDArray[np.float32]
 
 _FILE: Final = "critic.npz"
-_RANGE: Final = (-0.1, 1.1)  # of the bins: a reward lies in [0, 1], and its smeared target within these
-_AVERAGED: Final = 0.995  # of the averaged weights, how much is kept in a step
-_BLOCK: Final = 1 << 16  # landings that are rated at a time
+_RANGE: Final = (-0.05, 1.05)  # of the bins: what is still earned lies in [0, 1]
+_SMEAR: Final = 0.75  # standard deviation of a target, in bins: Farebrother et al., "Stop Regressing", 2024
+_AVERAGED: Final = 0.998  # of the averaged weights, how much is kept in a step
+_BLOCK: Final = 256  # observations that are rated at a time
+_TRAINING, _ACTING = (1.6, 256), (0.8, 2048)  # spacing of the actions that are rated, over the blur; how many at most
 
 
 class Critic(nn.Module):
-    """Classifies the reward of a landing into bins, each a class: the expected class is the expected reward.
-
-    A regression smooths cliffs, and the optimum lies beside one. Probabilities of classes jump there without effort.
+    """Classifies what is still earned after an action into bins, each a class: a regression would smooth the cliffs.
 
     Parameters
     ----------
-    touch : Touch
-        Makes the inputs.
+    width, action_width : int
+        Numbers of inputs of an observation and of an action, see :mod:`sledenv.agents.features`.
     layers : sequence of int
-        Units of the hidden layers.
+        Units of the hidden layers. The first adds up what observations and actions contribute, so that the part of an
+        observation is computed once for all of its actions.
     bins : int
-    half : bool
-        Whether the hidden layers work in bfloat16, on some processors three times as fast. Directions and rewards do
-        not: they need the digits.
+    blur : float
+        Standard deviation of the actions over which a rating is averaged: a narrow peak is a doubtful one.
     """
 
-    middles: torch.Tensor
+    mean: torch.Tensor
+    deviation: torch.Tensor
+    blur: torch.Tensor
     edges: torch.Tensor
 
-    def __init__(self, touch: Touch, layers: list[int], bins: int, half: bool = False) -> None:
+    def __init__(self, width: int, action_width: int, layers: list[int], bins: int, blur: float) -> None:
         super().__init__()
-        self.touch = touch
-        widths = [touch.width, *layers]
-        hidden = [(nn.Linear(a, b), nn.SiLU()) for a, b in pairwise(widths)]
-        self.first = nn.Sequential(*hidden[0])
-        self.hidden = nn.Sequential(*(part for pair in hidden[1:] for part in pair))
-        self.last = nn.Linear(widths[-1], bins)
-        self._half = half
-        self.bins = Bins(*_RANGE, bins)
+        self.seen, self.action = nn.Linear(width, layers[0]), nn.Linear(action_width, layers[0], bias=False)
+        hidden = [(nn.Linear(a, b), nn.SiLU()) for a, b in pairwise(layers)]
+        self.hidden = nn.Sequential(nn.SiLU(), *(part for pair in hidden for part in pair))
+        self.last = nn.Linear(layers[-1], bins)
+        self.register_buffer("mean", torch.zeros(width + action_width))
+        self.register_buffer("deviation", torch.ones(width + action_width))
+        self.register_buffer("blur", torch.tensor(blur))
+        self.register_buffer("edges", torch.linspace(*_RANGE, bins + 1), persistent=False)
 
-    def forward(self, inputs: torch.Tensor) -> torch.Tensor:
-        """Return logits of the bins."""
-        values = self.first(inputs)
-        with torch.autocast("cpu", torch.bfloat16, enabled=self._half):
-            values = self.hidden(values)
-        logits: torch.Tensor = self.last(values.float())
+    def forward(self, seen: torch.Tensor, actions: torch.Tensor) -> torch.Tensor:
+        """Return logits of the bins, (n, m, bins), for observations (n, width) and actions (n, m, action_width)."""
+        width = seen.shape[-1]
+        first = self.seen((seen - self.mean[:width]) / self.deviation[:width])[:, None]
+        values = first + self.action((actions - self.mean[width:]) / self.deviation[width:])
+        logits: torch.Tensor = self.last(self.hidden(values))
         return logits
 
+    def loss(self, seen: torch.Tensor, actions: torch.Tensor, earned: torch.Tensor) -> torch.Tensor:
+        """Return the mean cross-entropy against what was earned, (n,), each a narrow normal distribution (HL-Gauss)."""
+        deviation = _SMEAR * (self.edges[1] - self.edges[0])
+        below = torch.special.ndtr((self.edges - earned[:, None]) / deviation)
+        return nn.functional.cross_entropy(self(seen, actions)[:, 0], below.diff(dim=1))
+
     @torch.no_grad()
-    def rate(self, observations: Floats, landings: Floats) -> Floats:
-        """Return the expected rewards of landings of shape (n, m, k) in contexts seen, shape (n, 11); shape (n, m)."""
-        many = landings.shape[1]
-        inputs = self.touch.inputs(np.repeat(observations, many, axis=0), landings.reshape(-1, landings.shape[2]))
-        parts = [self.bins.expected(self(part)) for part in torch.split(torch.from_numpy(inputs), _BLOCK)]
-        return np.asarray(torch.cat(parts).numpy().reshape(-1, many))
+    def rate(self, features: Features, observations: Floats, actions: Floats) -> Floats:
+        """Return what is expected of the same actions, shape (m, k), in each observation; shape (n, m)."""
+        inputs = features.of_actions(observations, np.broadcast_to(actions, (len(observations), *actions.shape)))
+        logits = self(torch.from_numpy(observations), torch.from_numpy(inputs))
+        expected = logits.softmax(dim=-1) @ (0.5 * (self.edges[1:] + self.edges[:-1]))
+        return np.asarray(expected.numpy())
 
 
-class Search(NamedTuple):
-    """How thoroughly the best landing is looked for."""
+class Search:
+    """Seeks the actions that a critic rates best among always the same ones, spread evenly.
 
-    anywhere: int  # landings all over the box
-    starts: int  # the best of these are refined
-    around: int  # landings around each start, once for each of the widths
-    widths: tuple[float, ...]  # standard deviations, where the box is 2 wide
+    Parameters
+    ----------
+    problem : Problem
+    blur : float
+        Standard deviation of the actions over which ratings are averaged.
+    spacing : float
+        Of the actions, over the blur.
+    most : int
+        How many actions there may be.
+    """
 
+    def __init__(self, problem: Problem, blur: float, spacing: float, most: int) -> None:
+        width = problem.actions
+        count = min(round((2.0 / (spacing * blur)) ** width), most)
+        self._features = features_of(problem)
+        if width == 1:
+            spread = np.linspace(-1.0, 1.0, count)[:, np.newaxis]
+        else:
+            spread = 2.0 * qmc.Sobol(width, rng=np.random.default_rng(0)).random(count) - 1.0
+        self.actions: Floats = spread.astype(np.float32)
+        apart = np.square(self.actions[:, np.newaxis] - self.actions).sum(axis=-1)
+        near = np.exp(-0.5 * apart / blur**2)
+        self._near = (near / near.sum(axis=0)).astype(np.float32)
 
-TRAINING: Final = Search(128, 4, 8, (0.06, 0.02))
-ACTING: Final = Search(1024, 8, 32, (0.04, 0.02, 0.01, 0.005))
+    def best(self, critic: Critic, observations: Floats) -> tuple[Floats, Floats]:
+        """Return the best actions and what they are expected to earn, shapes (n, k) and (n,)."""
+        parts = np.array_split(observations, max(1, math.ceil(len(observations) / _BLOCK)))
+        ratings = np.concatenate([critic.rate(self._features, part, self.actions) @ self._near for part in parts])
+        return self.actions[ratings.argmax(axis=1)], ratings.max(axis=1)
 
 
 class Samples(NamedTuple):
-    """Labelled landings."""
+    """Actions, each with what was earned from it on."""
 
-    inputs: Floats  # (n, d)
-    rewards: Floats  # (n,)
+    seen: Floats  # (n, width)
+    actions: Floats  # (n, 1, action_width)
+    earned: Floats  # (n,)
 
 
-class Sampler:
-    """Draws training contexts and simulates landings in them: mostly near those that a critic rates best.
+class Episodes:
+    """Goes on acting in many lanes, mostly as a critic rates best.
 
-    In each context it tries the peaks of the critic, some landings around them and some anywhere, and then around the
-    best of all these: errors of the critic where it matters are what it learns from next. Without a critic, everything
-    but the last is anywhere.
+    Some actions are drawn from anywhere and some near the best, or nothing would be learned of others. What an action
+    earned is known if all that follow are the best ones; else it is the reward up to the next trial, and from there on
+    what the critic expects of the best, or what the trial earned if that is more.
 
     Parameters
     ----------
     problem : Problem
     settings : dict
-    rng : numpy.random.Generator
+    seed : int
     """
 
-    def __init__(self, problem: Problem, settings: dict[str, Any], rng: np.random.Generator) -> None:
-        self._problem = problem
-        self._landing = Landing(problem)
-        self._contexts, self._tries = settings["n_contexts"], settings["n_tries"]
-        self._noise = problem.noise
-        self._rng = rng
+    def __init__(self, problem: Problem, settings: dict[str, Any], seed: int) -> None:
+        self.ended = 0
+        self._lanes, self._steps = settings["n_envs"], settings["n_steps"]
+        self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
+        self._rng = np.random.default_rng(seed)
+        self._features, self._search = features_of(problem), Search(problem, settings["blur"], *_TRAINING)
+        self._spacing = 2.0 / len(self._search.actions) ** (1.0 / problem.actions)
+        kind = SledDescentVector if problem.environment == "descent" else SledLaunchVector
+        kwargs = problem.env_kwargs | {"split": "train", "info": (), "autoreset_mode": AutoresetMode.SAME_STEP}
+        self._env = kind(self._lanes, **kwargs)
+        # No two seeds share a lane's stream of contexts.
+        self._seen, _ = self._env.reset(seed=seed * self._lanes)
 
-    def sample(self, critic: Critic, guided: bool) -> Samples:
-        """Label ``n_contexts * n_tries`` landings."""
-        problem, half = self._problem, self._tries // 2
-        contexts = problem.scenario.contexts(self._rng.random((self._contexts, problem.scenario.draws)), "train")
-        seen = problem.task.observe(problem.task.scenes(contexts))
-        first = self._anywhere(half)
-        if guided:
-            peaks, _ = searched(problem, critic, seen, self._anywhere(TRAINING.anywhere), TRAINING, self._normal)
-            near = self._near(peaks, 2)
-            first = np.concatenate([peaks, near, first], axis=1)[:, :half]
-        rewards = self._earned(contexts, first)
-        best = np.take_along_axis(first, rewards.argmax(axis=1)[:, None, None], axis=1)
-        second = self._near(best, self._tries - half)
-        landings = np.concatenate([first, second], axis=1).astype(np.float32)
-        inputs = critic.touch.inputs(np.repeat(seen, self._tries, axis=0), landings.reshape(-1, problem.actions))
-        rewards = np.concatenate([rewards, self._earned(contexts, second)], axis=1)
-        return Samples(inputs, rewards.astype(np.float32).ravel())
+    def sample(self, critic: Critic | None) -> Samples:
+        """Act ``n_steps`` times in each lane, without a critic anyhow."""
+        steps, lanes = self._steps, self._lanes
+        rewards, expected = np.zeros((steps, lanes), np.float32), np.zeros((steps + 1, lanes), np.float32)
+        ended, best = np.zeros((steps, lanes), bool), np.zeros((steps + 1, lanes), bool)
+        told = []
+        for step in range(steps + 1):
+            if step == steps and ended[-1].all():
+                break
+            actions, best[step], expected[step] = self._chosen(critic)
+            if step == steps:
+                break
+            told.append((self._seen, self._features.of_actions(self._seen, actions[:, np.newaxis])))
+            self._seen, rewards[step], ended[step], _, _ = self._env.step(actions)
+        self.ended += int(ended.sum())
+        earned, after = np.zeros_like(rewards), expected[-1]
+        for step in reversed(range(steps)):
+            earned[step] = rewards[step] + np.where(ended[step], 0.0, after)
+            tried = np.maximum(expected[step], earned[step])
+            after = np.where(best[step] | (critic is None), earned[step], tried)
+        seen, inputs = (np.concatenate(part) for part in zip(*told, strict=True))
+        return Samples(seen, inputs, earned.ravel())
 
-    def _normal(self, *shape: int) -> NDArray[np.float64]:
-        return self._rng.standard_normal((*shape, self._problem.actions))
-
-    def _anywhere(self, count: int) -> NDArray[np.float64]:
-        """Return quasi-random landings, shifted from context to context."""
-        shift = self._rng.random((self._contexts, 1, self._problem.actions))
-        return 2.0 * ((_sobol(self._problem.actions, count) + shift) % 1.0) - 1.0
-
-    def _near(self, landings: NDArray[np.float64], count: int) -> NDArray[np.float64]:
-        """Return landings around others, at distances of .003 to .1: ridges are as narrow as that or as wide."""
-        lanes, starts, width = landings.shape
-        widths = np.exp(self._rng.uniform(np.log(0.003), np.log(0.1), (lanes, starts, count, 1)))
-        around = landings[:, :, None] + widths * self._normal(lanes, starts, count)
-        return self._problem.inside(around).reshape(lanes, -1, width)
-
-    def _earned(self, contexts: Contexts, landings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Simulate landings of shape (n, m, k), each with a noise of its own; rewards of shape (n, m)."""
-        problem = self._problem
-        rows, flat = np.repeat(contexts, landings.shape[1], axis=0), landings.reshape(-1, problem.actions)
-        launches = self._landing.launches(rows, flat)
-        if self._noise.any():
-            rows = np.hstack([rows, self._noise * self._rng.standard_normal((len(rows), 2))])
-        rewards: NDArray[np.float64] = problem.descend(rows, launches).jam.reward
-        return rewards.reshape(landings.shape[:2])
-
-
-def searched(
-    problem: Problem,
-    critic: Critic,
-    observations: Floats,
-    anywhere: NDArray[np.float64],
-    search: Search,
-    normal: Callable[[int, int, int], NDArray[np.float64]],
-) -> tuple[NDArray[np.float64], Floats]:
-    """Look for the landings that a critic rates best.
-
-    Parameters
-    ----------
-    problem : Problem
-    critic : Critic
-    observations : ndarray, shape (n, 11)
-    anywhere : ndarray, shape (n, m, k)
-        Landings to begin with.
-    search : Search
-    normal : callable
-        Normal deviates of shape (i, j, l, k) for i, j and l.
-
-    Returns
-    -------
-    ndarray, shape (n, starts, k)
-        The best first.
-    ndarray, shape (n, starts)
-        How they are rated.
-    """
-
-    def best_of(landings: NDArray[np.float64], count: int) -> tuple[NDArray[np.float64], Floats]:
-        rated = critic.rate(observations, landings.astype(np.float32))
-        best = np.argsort(-rated, axis=1, kind="stable")[:, :count]
-        return np.take_along_axis(landings, best[..., None], axis=1), np.take_along_axis(rated, best, axis=1)
-
-    points, heights = best_of(anywhere, search.starts)
-    lanes, starts, width = points.shape
-    for deviation in search.widths:
-        offsets = deviation * normal(lanes, starts, search.around)
-        around = problem.inside(points[:, :, None] + offsets)
-        rated = critic.rate(observations, around.reshape(lanes, -1, width).astype(np.float32)).reshape(
-            lanes, starts, -1
-        )
-        nearby = np.take_along_axis(around, rated.argmax(axis=2)[..., None, None], axis=2)[:, :, 0]
-        points = np.where((rated.max(axis=2) > heights)[..., None], nearby, points)
-        heights = np.maximum(heights, rated.max(axis=2))
-    order = np.argsort(-heights, axis=1, kind="stable")
-    return np.take_along_axis(points, order[..., None], axis=1), np.take_along_axis(heights, order, axis=1)
+    def _chosen(self, critic: Critic | None) -> tuple[Floats, NDArray[np.bool_], Floats]:
+        """Return actions of shape (n, k), whether each is the best, and what is expected of the best."""
+        rng, shape = self._rng, (self._lanes, self._search.actions.shape[1])
+        anywhere = rng.uniform(-1.0, 1.0, shape)
+        if critic is None:
+            return anywhere.astype(np.float32), np.zeros(self._lanes, bool), np.zeros(self._lanes, np.float32)
+        actions, expected = self._search.best(critic, self._seen)
+        within = actions + 0.5 * self._spacing * rng.uniform(-1.0, 1.0, shape)  # half of the way to the next
+        near = actions + self._width * rng.standard_normal(shape)
+        kind = rng.random((self._lanes, 1))
+        tried = kind < self._anywhere + self._near
+        actions = np.where(kind < self._anywhere, anywhere, np.where(tried, near, within))
+        return np.clip(actions, -1.0, 1.0).astype(np.float32), ~tried[:, 0], expected
 
 
 class Agent:
-    """Does what its critic rates best; the search is the same every time, so that it is a function of what it sees."""
+    """Does what its critic rates best of always the same actions: it is a function of what it sees."""
 
     def __init__(self, problem: Problem, critic: Critic) -> None:
-        self._problem, self._critic = problem, critic
-        self._landing = Landing(problem)
-        self._box = 2.0 * _sobol(problem.actions, ACTING.anywhere) - 1.0
-        self._cloud = qmc.MultivariateNormalQMC(np.zeros(problem.actions), rng=np.random.default_rng(0)).random(
-            ACTING.around
-        )
+        self._critic, self._search = critic, Search(problem, float(critic.blur), *_ACTING)
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
-        """Sample and learn by turns, both at the same time: landings are sought by the critic of the turn before.
+        """Act and learn by turns, both at the same time: actions follow the critic of the turn before.
 
         The network that earns most on the validation contexts is kept.
 
@@ -240,108 +215,131 @@ class Agent:
         ----------
         problem : Problem
         settings : dict
-            ``n_timesteps`` descents, ``n_contexts`` contexts a turn with ``n_tries`` landings each, ``warmup`` turns
-            without guidance, ``gradient_steps`` a turn, ``batch_size``, ``learning_rate`` (falls to 0 as a cosine),
-            ``net_arch``, ``bins``, ``bfloat16`` and ``checks``, how often the policy is
-            validated.
+            ``n_timesteps`` steps, ``n_steps`` a turn in each of ``n_envs`` lanes; the shares of actions that are tried
+            ``anywhere`` and ``near`` the best, these with a standard deviation of ``near_width``; the last ``memory``
+            steps are learned from, each ``n_epochs`` times in the mean; ``batch_size``, ``learning_rate`` (falls to 0
+            as a cosine), ``net_arch``, ``bins``, ``blur`` and ``checks``, how often the policy is validated.
         seed : int
-            Of the network, the contexts and the landings; equal seeds give equal agents.
+            Of the network, the contexts and the actions; equal seeds give equal agents.
         folder : Path
             Where the weights and the learning curve are written.
         """
         torch.manual_seed(seed)
         torch.set_num_threads(1)  # the other cores simulate
-        critic = Critic(Touch(problem), settings["net_arch"], settings["bins"], settings["bfloat16"])
-        sampling, shuffling = (np.random.default_rng([seed, i]) for i in range(2))
-        turns = math.ceil(settings["n_timesteps"] / (settings["n_contexts"] * settings["n_tries"]))
-        learner = _Learner(critic, settings, turns, shuffling)
-        sampler = Sampler(problem, settings, sampling)
+        width = problem.task.observation_space.shape[0]
+        layers, bins, blur = settings["net_arch"], settings["bins"], settings["blur"]
+        critic = Critic(width, features_of(problem).width, layers, bins, blur)
+        turns = max(2, math.ceil(settings["n_timesteps"] / (settings["n_envs"] * settings["n_steps"])))
+        episodes, learner = Episodes(problem, settings, seed), _Learner(critic, settings, turns, seed)
         curve, best, most = Curve(problem, folder), learner.averaged, -1.0
         with ThreadPoolExecutor(1) as pool:
-            coming = pool.submit(sampler.sample, critic, False)
+            coming = pool.submit(episodes.sample, None)
             for turn in range(turns):
                 learner.add(coming.result())
-                if turn % max(1, turns // settings["checks"]) == 0:  # while nothing else is simulated
-                    reward = curve.check(cls(problem, learner.averaged), learner.size).mean_reward
-                    if reward > most:
-                        best, most = copy.deepcopy(learner.averaged), reward
+                known = copy.deepcopy(learner.averaged)
+                if turn % max(1, turns // settings["checks"]) == 0 or turn == turns - 1:  # while nothing else runs
+                    check = curve.check(cls(problem, known), episodes.ended)
+                    if check.mean_reward > most:
+                        best, most = known, check.mean_reward
+                    if sys.stderr.isatty():
+                        print(f"{learner.known} steps: mean reward {check.mean_reward:.3f}", file=sys.stderr)
                 if turn + 1 < turns:
-                    known = copy.deepcopy(learner.averaged)
-                    coming = pool.submit(sampler.sample, known, turn + 1 >= settings["warmup"])
-                learner.learn()
-        if curve.check(cls(problem, learner.averaged), learner.size).mean_reward >= most:
-            best = learner.averaged
-        keep(best, folder / _FILE)
+                    coming = pool.submit(episodes.sample, known if turn else None)
+                    learner.learn()
+        _write(best, folder / _FILE)
         return cls.load(problem, folder)
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the critic of a run."""
-        return cls(problem, kept(problem, folder / _FILE))
+        """Read the critic of a run.
+
+        Raises
+        ------
+        ValueError
+            If its file cannot be read, or a weight is no finite number: whatever is rated by it would be tried first.
+        """
+        state = _read(folder / _FILE)
+        *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
+        critic = Critic(state["seen.weight"].shape[1], state["action.weight"].shape[1], layers, bins, 0.0)
+        critic.load_state_dict(state)
+        return cls(problem, critic)
 
     def act(self, observations: Floats) -> Floats:
-        """Return launches of shape (n, k)."""
-        parts = [self._landings(part) for part in np.array_split(observations, math.ceil(len(observations) / 64))]
-        return self._landing.actions(observations, np.concatenate(parts).astype(np.float32))
+        """Return actions of shape (n, k)."""
+        return self._search.best(self._critic, observations)[0]
 
-    def _landings(self, observations: Floats) -> NDArray[np.float64]:
-        anywhere = np.broadcast_to(self._box, (len(observations), *self._box.shape))
-        cloud = np.broadcast_to(self._cloud, (len(observations), ACTING.starts, *self._cloud.shape))
-        peaks, _ = searched(self._problem, self._critic, observations, anywhere, ACTING, lambda *_: cloud)
-        return peaks[:, 0]
+    def expected(self, observations: Floats) -> Floats:
+        """Return what it expects to earn from now on, shape (n,)."""
+        return self._search.best(self._critic, observations)[1]
 
 
 class _Learner:
-    """Fits a critic to all landings labelled so far.
+    """Fits a critic to the last samples; ``turns`` is how many will have been added in the end."""
 
-    Parameters
-    ----------
-    critic : Critic
-    settings : dict
-    turns : int
-        How often it is going to learn.
-    rng : numpy.random.Generator
-    """
-
-    def __init__(self, critic: Critic, settings: dict[str, Any], turns: int, rng: np.random.Generator) -> None:
-        self.size = 0
-        self._critic, self._rng = critic, rng
-        self._steps, self._batch = settings["gradient_steps"], settings["batch_size"]
-        rows = turns * settings["n_contexts"] * settings["n_tries"]
-        self._inputs = np.empty((rows, critic.touch.width), np.float32)
-        self._rewards = np.empty(rows, np.float32)
-        average = get_ema_multi_avg_fn(_AVERAGED)  # type: ignore[no-untyped-call]
-        self._fit = Fit(critic, settings["learning_rate"], turns * self._steps, average)
+    def __init__(self, critic: Critic, settings: dict[str, Any], turns: int, seed: int) -> None:
+        self.known = 0  # steps
+        self._critic, self._rng = critic, np.random.default_rng([seed, 1])
+        turn = settings["n_envs"] * settings["n_steps"]
+        self._batch, self._steps = settings["batch_size"], turn * settings["n_epochs"] // settings["batch_size"]
+        rows = turn * max(1, min(turns, settings["memory"] // turn))
+        shapes = (rows, critic.seen.in_features), (rows, 1, critic.action.in_features), (rows,)
+        self._memory = Samples(*(np.empty(shape, np.float32) for shape in shapes))
+        self._optimiser = torch.optim.AdamW(
+            critic.parameters(), settings["learning_rate"], weight_decay=1e-4, fused=True
+        )
+        self._schedule = torch.optim.lr_scheduler.CosineAnnealingLR(self._optimiser, (turns - 1) * self._steps)
+        self._average = AveragedModel(critic, multi_avg_fn=_averaged)
 
     @property
     def averaged(self) -> Critic:
         """The critic with weights averaged over the last steps."""
-        return cast(Critic, self._fit.averaged)
+        return cast(Critic, self._average.module)
 
     def add(self, samples: Samples) -> None:
-        """Remember labelled landings."""
-        rows = slice(self.size, self.size + len(samples.rewards))
-        self._inputs[rows], self._rewards[rows] = samples
-        self.size = rows.stop
+        """Remember samples in place of the oldest ones; the first give the scales of the inputs."""
+        if not self.known:
+            inputs = np.hstack([samples.seen, samples.actions[:, 0]])
+            for critic in (self._critic, self.averaged):
+                critic.mean.copy_(torch.from_numpy(inputs.mean(axis=0)))
+                critic.deviation.copy_(torch.from_numpy(inputs.std(axis=0) + 0.01))
+        start = self.known % len(self._memory.earned)
+        for kept, new in zip(self._memory, samples, strict=True):
+            kept[start : start + len(new)] = new
+        self.known += len(samples.earned)
 
     def learn(self) -> None:
         """Take the gradient steps of one turn."""
         for _ in range(self._steps):
-            rows = self._rng.integers(0, self.size, self._batch)
-            inputs, rewards = torch.from_numpy(self._inputs[rows]), torch.from_numpy(self._rewards[rows])
-            self._fit.step(self._critic.bins.loss(self._critic(inputs), rewards))
+            rows = self._rng.integers(0, min(self.known, len(self._memory.earned)), self._batch)
+            loss = self._critic.loss(*(torch.from_numpy(part[rows]) for part in self._memory))
+            self._optimiser.zero_grad()
+            loss.backward()  # type: ignore[no-untyped-call]
+            self._optimiser.step()
+            self._schedule.step()
+            self._average.update_parameters(self._critic)
 
 
-def kept(problem: Problem, path: Path) -> Critic:
-    """Return the critic that is kept in a file; raises as :func:`kept_weights`."""
-    state = kept_weights(path)
-    *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
-    critic = Critic(Touch(problem), layers, bins)
-    critic.load_state_dict(state)
-    return critic
+@torch.no_grad()
+def _averaged(means: Any, weights: Any, count: Any) -> None:
+    """Move averaged weights towards those of a step; at first faster, so that the initial ones are soon forgotten."""
+    kept = min(_AVERAGED, (1.0 + float(count)) / (10.0 + float(count)))
+    for mean, weight in zip(means, weights, strict=True):
+        mean.lerp_(weight, 1.0 - kept)
 
 
-def _sobol(width: int, count: int) -> NDArray[np.float64]:
-    """Return the first points of a Sobol sequence, shape (count, width)."""
-    points: NDArray[np.float64] = qmc.Sobol(width, rng=np.random.default_rng(0)).random_base2((count - 1).bit_length())
-    return points[:count]
+def _write(critic: Critic, path: Path) -> None:
+    """Write a critic as plain arrays of half precision: nothing that could run when it is read."""
+    arrays = {name: value.numpy() for name, value in critic.state_dict().items()}
+    np.savez_compressed(path, **{name: one.astype(np.float16) if one.ndim else one for name, one in arrays.items()})
+
+
+def _read(path: Path) -> dict[str, torch.Tensor]:
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
+            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+    except (OSError, EOFError, ValueError, BadZipFile) as error:
+        raise ValueError(f"{path} cannot be read: {error}") from error
+    wrong = [name for name, value in state.items() if not value.isfinite().all()]
+    if wrong:
+        raise ValueError(f"{path}: {wrong[0]} has weights that are no finite numbers")
+    return state

@@ -6,35 +6,37 @@ import json
 import sys
 import time
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
 from sledenv.benchmark.evaluation import Evaluation, evaluation_of
-from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
 from sledenv.machine.extras import needs
 from sledenv.plot import plot_strobe
 
-from .evaluate import CONTEXTS, as_json, best_of, table
-from .train import run_folder, train, trained
+from .evaluate import as_json, table
+from .train import train
 
 with needs("agents", "sledenv.agents.demo"):
     import matplotlib  # noqa: F401, what draws the picture at the end
     import torch  # noqa: F401, with which the rider learns
 
 SCENARIO: Final = "sled_rollers"
-ALGORITHM: Final = "ride_critic"
 FLIGHTS: Final = 60_000  # that the small agent learns from; the one that ships has many more
-SEARCHED: Final = 20  # contexts whose best ride is searched
+CONTEXTS: Final = 200
+SHIPPED: Final = TRAINED / f"{SCENARIO}-descent-trim-critic-s0"
 DRAWN: Final = ("no trims", "rule", "shipped")
 _BEFORE, _BEHIND = 14.0, 8.0  # [m] of the ground around the fall that is drawn
 _POSES: Final = 30
 
+Rider = tuple[Problem, Any]
 
-def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Evaluation], path: Path) -> None:
+
+def strobe(riders: dict[str, Rider], scores: dict[str, Evaluation], path: Path) -> None:
     """Draw how agents ride in one held-out context where the first of them falls, one above the other.
 
     It is the context in which the last agent's gain over the first is the median of those in which the first falls.
@@ -44,10 +46,11 @@ def strobe(problem: Problem, agents: dict[str, Agent], scores: dict[str, Evaluat
     fallen = np.flatnonzero(first.fallen > 0.0)
     candidates = fallen if fallen.size else np.arange(gain.size)
     chosen = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
-    scene = problem.trials(problem.contexts("test", gain.size), "test")[chosen]
     descents = []
     for name in DRAWN:
-        _, trims = problem.ride(agents[name], scene)
+        problem, agent = riders[name]
+        scene = problem.trials(problem.contexts("test", gain.size), "test")[chosen]
+        _, trims = problem.ride(agent, scene)
         descents.append(
             problem.task.ridden(problem.task.scenes(scene), trims[0][~np.isnan(trims[0])].tolist(), record="trajectory")
         )
@@ -72,33 +75,24 @@ def _demo(*, seed: Seed = 0, out: Path = Path("runs/demo"), steps: Count = FLIGH
         Flights from which the small agent learns.
     """
     start = time.perf_counter()
-    out.mkdir(parents=True, exist_ok=True)
-    problem = Problem(SCENARIO, "descent")
-    algorithms = {"no trims": "zero", "rule": "land_parallel", "small": ALGORITHM}
-    for name, algo in algorithms.items():
-        budget = steps if name == "small" else None
-        if trained(algo, problem, seed=seed, folder=out, steps=budget):
-            print(f"[{algo}] already trained", flush=True)
-            continue
-        if name == "small":
-            print(f"[{algo}] training on {steps:,} flights of {SCENARIO}: a minute or two", flush=True)
-        train(algo, problem, seed=seed, folder=out, steps=budget, overwrite=True)
-    places = {name: run_folder(out, algo, problem, seed) for name, algo in algorithms.items()}
-    places["shipped"] = run_folder(TRAINED, ALGORITHM, problem, 0)
-
-    print(f"\nJudging on {CONTEXTS} contexts of {SCENARIO} that no training has seen", flush=True)
-    agents = {name: load_run(place)[1] for name, place in places.items()}
-    scores = {name: evaluation_of(problem, agent, CONTEXTS, name) for name, agent in agents.items()}
-    print(f"Searching the best rides of {SEARCHED} of them: a minute\n", flush=True)
-    best = best_of(problem, SEARCHED, list(scores.values()))
-    text = table(list(scores.values()), best)
+    print(f"[critic] training on {steps:,} flights of {SCENARIO}: half a minute", flush=True)
+    places = {
+        "no trims": train("zero", SCENARIO, seed=seed, folder=out, overwrite=None),
+        "rule": train("land_parallel", SCENARIO, seed=seed, folder=out, overwrite=None),
+        "small": train("critic", SCENARIO, seed=seed, folder=out, steps=steps, overwrite=None),
+        "shipped": SHIPPED,
+    }
+    print(f"Judging on {CONTEXTS} contexts of {SCENARIO} that no training has seen\n", flush=True)
+    riders = {name: load_run(place)[:2] for name, place in places.items()}
+    scores = {name: evaluation_of(problem, agent, CONTEXTS, name) for name, (problem, agent) in riders.items()}
+    text = table(list(scores.values()))
     print(text)
     (out / "table.txt").write_text(text + "\n", encoding="utf-8")
-    (out / "scores.json").write_text(json.dumps(as_json(list(scores.values()), best)), encoding="utf-8")
+    (out / "scores.json").write_text(json.dumps(as_json(list(scores.values()))), encoding="utf-8")
     picture = out / "before_after.png"
-    strobe(problem, agents, scores, picture)
+    strobe(riders, scores, picture)
     print("\nno trims: nobody rides. rule: land parallel to the ground (agents/land_parallel.py).")
-    print(f"small: {ALGORITHM} after {steps:,} flights, trained just now; shipped: the same after many more.")
+    print(f"small: the critic after {steps:,} flights, trained just now; shipped: the same after many more.")
     print(f"{picture} shows a ride; {out}/table.txt and scores.json hold this table.")
     print(f"Done in {time.perf_counter() - start:.0f} s.")
 

@@ -2,50 +2,43 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Final, Self
+from collections.abc import Callable
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.benchmark.landing import Landing, fall_time
 from sledenv.benchmark.problem import Problem
+from sledenv.envs.inputs import Contexts
+from sledenv.envs.task import Task
+
+from .features import fall_time
+from .untrained import Untrained
 
 Floats = NDArray[np.float64]
 
 _TURN: Final = 2.0 * np.pi
+_HALVINGS: Final = 60  # of the time of flight: down to rounding
 
 
-class Agent:
+class Agent(Untrained):
     """Puts the mass centre straight below the centre of the arc at the first touch: the normal impulse has no arm then.
 
-    That is a landing (:class:`sledenv.benchmark.landing.Landing`) with phi_1 = 0, up to whole turns. Where friction
-    holds what slides, f > tan(beta), it should not slip: u + s(0) omega = 0, u = speed + g sin(beta) t after a flight
-    of t. Elsewhere it gains speed by sliding, and a spin would cost energy: omega = 0. The agent solves these for the
-    orientation and the spin, as far as it controls them and the bounds allow; of the spin without the orientation,
-    being upright comes first. Whatever else it controls, such as the speed, is in the middle of its bounds. What it
-    leaves out is a touch in another pose on the way, and all contacts after the first. A body that is no segment lands
-    with phi_1 = 0 too.
+    That is phi_1 = phi_0 + omega t = 0 after a flight of t, up to whole turns. Where friction holds what slides,
+    f > tan(beta), it should not slip: u + s(0) omega = 0 with u = speed + g sin(beta) t. Elsewhere it gains speed by
+    sliding, and a spin would cost energy: omega = 0. The agent solves these for the orientation and the spin, as far as
+    it controls them and the bounds allow; of the spin without the orientation, being upright comes first. All else that
+    it controls, such as the speed, is in the middle of its bounds. A touch in another pose on the way is left out, and
+    so are all contacts after the first. A body that is no segment lands with phi_1 = 0 too.
     """
 
     def __init__(self, problem: Problem) -> None:
         problem.must_be("launch", "land_flat")
-        self._task = problem.task
-        self._landing = Landing(problem)
+        super().__init__(problem)
         self._gravity = problem.scenario.slope_section.gravity_m_s2
 
-    @classmethod
-    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
-        """Nothing to learn."""
-        return cls(problem)
-
-    @classmethod
-    def load(cls, problem: Problem, folder: Path) -> Self:
-        """Nothing to load."""
-        return cls(problem)
-
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
-        task = self._task
+        task = self.problem.task
         names = task.controlled
         actions = np.zeros((len(observations), len(names)))
         contexts = task.chosen(task.contexts_seen(observations), actions)  # all that is chosen in the middle
@@ -62,7 +55,7 @@ class Agent:
         if "orientation" in names:
             # The pose decides how far the body falls, and the time that it falls decides the pose.
             spun = wanted if "spin" in names else lambda _: spin
-            time = self._landing.flight_time(contexts, np.zeros_like(drop), spun)
+            time = _flight_time(task, contexts, spun, self._gravity)
             solved = {"orientation": _turned(-spun(time) * time, task.bounds["orientation"]), "spin": spun(time)}
         elif "spin" in names:
             height = drop + task.support_heights(contexts, orientation) - upright
@@ -73,6 +66,22 @@ class Agent:
                 low, high = task.bounds[name]
                 actions[:, names.index(name)] = 2.0 * (solved[name] - low) / (high - low) - 1.0
         return np.asarray(np.clip(actions, -1.0, 1.0), np.float32)
+
+
+def _flight_time(task: Task, contexts: Contexts, spin: Callable[[Floats], Floats], gravity: float) -> Floats:
+    """Return how long [s] bodies fly that land upright with spins [rad/s] that depend on that time.
+
+    One launched with phi_0 = -omega t has fallen by drop + s(phi_0) - s(0), s being the support height.
+    """
+    angle, _, _, _, drop, fall, *_ = contexts.T
+    normal, upright = gravity * np.cos(angle), task.support_heights(contexts, np.zeros_like(drop))
+    highest = drop + max(body.size for body in task.bodies)
+    low, high = np.zeros_like(drop), fall_time(highest, fall, normal)
+    for _ in range(_HALVINGS):
+        time = 0.5 * (low + high)
+        late = fall_time(drop + task.support_heights(contexts, -spin(time) * time) - upright, fall, normal) > time
+        low, high = np.where(late, time, low), np.where(late, high, time)
+    return np.asarray(0.5 * (low + high))
 
 
 def _turned(angle: Floats, bounds: Floats) -> Floats:

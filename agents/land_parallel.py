@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Any, Final, Self
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,32 +11,24 @@ from sledenv.benchmark.problem import Problem
 from sledenv.simulation.outlook import look_out
 from sledenv.simulation.scenes import Scenes
 
+from .untrained import Untrained
+
 _TURN: Final = 2.0 * np.pi
 
 
-class Agent:
+class Agent(Untrained):
     """Turns the body so that it has the pose of the ground where its mass centre comes as low as it is when it lies.
 
     The mass centre flies a parabola, and the spin does not change: closed forms tell where the flight ends and which
-    spin ends it parallel to the ground, up to whole turns. What it leaves out is a part that touches before.
+    spin ends it parallel to the ground, up to whole turns. A part that touches before is left out.
     """
 
     def __init__(self, problem: Problem) -> None:
         problem.must_be("descent", "land_parallel")
-        self._task = problem.task
-
-    @classmethod
-    def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
-        """Nothing to learn."""
-        return cls(problem)
-
-    @classmethod
-    def load(cls, problem: Problem, folder: Path) -> Self:
-        """Nothing to load."""
-        return cls(problem)
+        super().__init__(problem)
 
     def plan(self, scenes: Scenes, flights: np.ndarray | None) -> NDArray[np.float32]:
-        rider = self._task.scenario.rider
+        rider = self.problem.scenario.rider
         if rider is None or flights is None:
             return np.zeros((len(scenes.rows), 1), np.float32)
         time, _, pitch, *_ = look_out(scenes, flights).landings.T

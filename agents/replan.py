@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.runs import load_run
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.sections import RiderSection
 from sledenv.simulation.jam import descent_jam
@@ -28,22 +29,35 @@ _RARE: Final = 2.0  # standard deviations by which a spin is tried to be off
 class Agent:
     """Looks ahead in a tree of spins; it looks again at the next flight.
 
-    In each of the next flights it tries evenly spaced spins, and behind the last of them the ride goes on with what is
-    lent. A trim is worth the mean over the spins that it may lend, for an unsteady rider's are off by chance, and a
-    flight what its best trim is worth: so it counts on seeing the errors before it trims again, but not on foreseeing
-    them. It knows where each flight begins to the last bit, and no ground behind the eighth vertex, which it takes for
-    level.
+    In each of the next flights it tries evenly spaced spins. Behind the last of them a ride is worth what a critic
+    expects of what is seen there, as in POLO (Lowrey et al. 2018), or without one what it earns with the spin that is
+    lent. A trim is worth the mean over the spins that it may lend, for a rider's are off by chance, and a flight what
+    its best trim is worth: so it counts on seeing the errors before it trims again, but not on foreseeing them. It
+    knows where each flight begins to the last bit, and no ground behind the eighth vertex, which it takes for level.
 
     Parameters
     ----------
     problem : Problem
     spins : sequence of int
         How many spins are tried in the next flight, in the one behind it, and so on; each is at least 2.
+    critic : str, optional
+        Folder or name of a run of :mod:`sledenv.agents.critic`, in which ``{scenario}`` stands for the id.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        If there is no such critic, or it is one of launches or of another scenario.
     """
 
-    def __init__(self, problem: Problem, spins: list[int]) -> None:
-        self._task = problem.task
-        self._spins = spins
+    def __init__(self, problem: Problem, spins: list[int], critic: str | None = None) -> None:
+        self._task, self._spins = problem.task, spins
+        self._critic: Any = None
+        if critic is not None:
+            theirs, self._critic, _ = load_run(Path(critic.format(scenario=problem.scenario.id)))
+            theirs.must_be("descent", "a critic of rides")
+            if theirs.scenario.hash != problem.scenario.hash or not hasattr(self._critic, "expected"):
+                raise ValueError(f"critic = {critic!r}: must be a run of a critic of {problem.scenario.id} as it is")
+            self._seen_as = theirs.task
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
@@ -71,7 +85,8 @@ class Agent:
 
     def predicted(self, scenes: Scenes, flights: np.ndarray, tried: Floats) -> Floats:
         """Return what rides earn that go on with spins in units of the largest trim, shapes (n, k)."""
-        return self._worth(self._begun(scenes, flights, tried), self._spins[1:]).reshape(tried.shape)
+        lengths = np.repeat(scenes.rows["length"], tried.shape[1])
+        return self._worth(self._begun(scenes, flights, tried), lengths, self._spins[1:]).reshape(tried.shape)
 
     @property
     def _rider(self) -> RiderSection:
@@ -94,7 +109,8 @@ class Agent:
 
     def _begun(self, scenes: Scenes, flights: np.ndarray, tried: Floats) -> Simulator:
         """Return rides behind the flights that begin, in each of which spins are tried, shape (n, k)."""
-        if not self._task.scenario.zones:  # which have to begin before the end
+        # Rides are followed to their ends without a critic alone; zones have to begin before the end.
+        if self._critic is None and not self._task.scenario.zones:
             ends = [ground["x"][-1] if len(ground) else np.inf for ground in scenes.grounds()]
             scenes = scenes._replace(rows=scenes.own_rows())
             scenes.rows["length"] = np.minimum(scenes.rows["length"], np.maximum(ends, flights["x"]) + _LEVEL)
@@ -104,26 +120,20 @@ class Agent:
         rides.hop(self._rider.trim_rad_s * tried.ravel())
         return rides
 
-    def _worth(self, rides: Simulator, spins: list[int]) -> Floats:
+    def _worth(self, rides: Simulator, lengths: Floats, spins: list[int]) -> Floats:
         """Return what rides earn if so many spins are tried in their next flights, shape (m,)."""
-        if not spins:
-            return self._worth_behind(rides)
-        worth, running = self._earned(rides)
-        if running.size:
+        if not spins and self._critic is None:
+            while (rides.flights["status"] == RUNNING).any():
+                rides.hop(rides.flights["trim"])
+        worth: Floats = descent_jam(rides.flights, rides.scenes.of_body("mass"), lengths).reward
+        running = np.flatnonzero(rides.flights["status"] == RUNNING)
+        if running.size and spins:
             tried, _, chances = self._tried(spins[0])
             further = rides.take(np.repeat(running, len(tried)))
             further.hop(np.tile(self._rider.trim_rad_s * tried, len(running)))
-            worth[running] = (self._worth(further, spins[1:]).reshape(-1, len(tried)) @ chances).max(axis=1)
+            expected = self._worth(further, np.repeat(lengths[running], len(tried)), spins[1:])
+            worth[running] = (expected.reshape(-1, len(tried)) @ chances).max(axis=1)
+        elif running.size:
+            seen = self._seen_as.observe(rides.scenes.take(running), rides.flights.take(running))
+            worth[running] += self._critic.expected(seen)
         return worth
-
-    def _worth_behind(self, rides: Simulator) -> Floats:
-        """Return what rides earn behind the last flight in which spins are tried, shape (m,)."""
-        while (rides.flights["status"] == RUNNING).any():
-            rides.hop(rides.flights["trim"])
-        return self._earned(rides)[0]
-
-    def _earned(self, rides: Simulator) -> tuple[Floats, NDArray[np.intp]]:
-        """Return what rides have earned so far, and which of them go on, shapes (m,), (k,)."""
-        flights, length = rides.flights, self._task.scenario.slope_section.length_m
-        earned: Floats = descent_jam(flights, rides.scenes.of_body("mass"), length).reward
-        return earned, np.flatnonzero(flights["status"] == RUNNING)

@@ -9,10 +9,9 @@ import numpy as np
 from cyclopts import Parameter
 from numpy.typing import NDArray
 
-from sledenv.benchmark.best_rides import LONGEST, follow_plans
-from sledenv.benchmark.evaluation import Evaluation, mean_interval, told
+from sledenv.benchmark.evaluation import Evaluation
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.scores import mean
+from sledenv.benchmark.scores import mean_interval, share_interval, told
 from sledenv.command.arguments import ScenarioName, number, positive
 from sledenv.command.running import app, run
 from sledenv.envs.inputs import Contexts
@@ -20,6 +19,7 @@ from sledenv.machine.text_tables import aligned
 from sledenv.scenarios.scenario import Scenario, Split, load_scenario
 from sledenv.simulation.records import RUNNING
 
+from .clairvoyant import LONGEST, follow_plans
 from .land_parallel import Agent as LandParallel
 from .replan import Agent as Replan
 from .zero import Agent as Zero
@@ -149,8 +149,7 @@ def table(scenario: Scenario, split: Split, contexts: int, spins: list[int], jum
 
 def _share(these: NDArray[np.bool_]) -> str:
     """Write in which share of contexts something holds, with its interval."""
-    share = these.astype(float)
-    return told(float(share.mean()), mean(share[np.newaxis]).share_interval(len(share)), ".1%")
+    return told(float(these.mean()), share_interval(these), ".1%")
 
 
 command = app("python -m sledenv.agents.scan", "Tell what a scenario of rides asks of an agent.")

@@ -2,24 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
-
-from sledenv.benchmark.problem import Problem
 from sledenv.machine.extras import needs
 
 from .learning import Learned
-from .searching import SearchingTQC, searching
 
 with needs("agents", __name__):
     from sb3_contrib import TQC
 
 
 class Agent(Learned):
-    """Learns off-policy as SAC does, but how the rewards of an action are distributed instead of their mean."""
+    """Learns off-policy as SAC does, with quantiles of what is earned in place of its mean."""
 
     algorithm = TQC
-
-    @classmethod
-    def prepared(cls, problem: Problem, settings: dict[str, Any]) -> dict[str, Any]:
-        """Take the policy that searches where an episode has one step."""
-        return searching(SearchingTQC, problem, settings) if problem.environment == "launch" else settings

@@ -2,59 +2,36 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from cyclopts import Parameter
 
 from sledenv.benchmark import runs
-from sledenv.benchmark.problem import Environment, Problem
+from sledenv.benchmark.problem import Environment
 from sledenv.benchmark.runs import SETTINGS
 from sledenv.command.arguments import Count, Seed
 from sledenv.command.running import app, run
-from sledenv.scenarios.scenario import load_scenario
+from sledenv.scenarios.scenario import Scenario, load_scenario
 
 ALGORITHMS: Final = (
-    *("best_fixed", "critic", "land_flat", "land_parallel", "ppo", "random_launch"),
-    *("replan", "replan_critic", "ride_critic", "sac", "tqc", "zero"),
+    *("best_fixed", "critic", "land_flat", "land_parallel", "ppo", "random_launch", "replan", "sac", "tqc", "zero"),
 )
-
-
-def default_settings(algo: str, problem: Problem, settings: Path = SETTINGS) -> dict[str, Any]:
-    """Read the hyperparameters of an algorithm from a folder; empty where it has none."""
-    return runs.read_settings(settings, _module(algo), problem)
-
-
-def chosen_settings(algo: str, problem: Problem, steps: int | None = None, settings: Path = SETTINGS) -> dict[str, Any]:
-    """Return the hyperparameters of a run; ``steps`` stands in for the configured budget.
-
-    Raises
-    ------
-    ValueError
-        For an unknown algorithm, or one that has no settings for the environment.
-    """
-    if algo not in ALGORITHMS:
-        raise ValueError(f"algo = {algo!r}: must be one of {', '.join(ALGORITHMS)}")
-    if steps is not None and steps < 1:
-        raise ValueError(f"steps = {steps}: must be >= 1")
-    return runs.budgeted(default_settings(algo, problem, settings), steps)
-
-
-def run_folder(folder: Path, algo: str, problem: Problem, seed: int) -> Path:
-    """Return the folder of a run below ``folder``."""
-    return folder / f"{problem.scenario.id}-{problem.environment}-{problem.control}-{algo}-s{seed}"
 
 
 def train(
     algo: str,
-    problem: Problem,
+    scenario: str | os.PathLike[str] | Scenario,
+    environment: Environment | None = None,
+    control: str | None = None,
     *,
     seed: int = 0,
     folder: Path = Path("runs"),
     steps: int | None = None,
     settings: Path = SETTINGS,
-    overwrite: bool = False,
+    overwrite: bool | None = False,
 ) -> Path:
     """Train an agent and keep it in a folder of its own.
 
@@ -62,17 +39,18 @@ def train(
     ----------
     algo : str
         One of ``ALGORITHMS``.
-    problem : Problem
+    scenario, environment, control
+        As for :class:`sledenv.benchmark.problem.Problem`; by default "descent" where a rider meets a track.
     seed : int
         Of everything random in the run.
     folder : Path
-        Where the folder of the run is made.
+        Where the folder of the run is made: ``SCENARIO-ENVIRONMENT-CONTROL-ALGO-sSEED``.
     steps : int, optional
         Budget in environment steps in place of the configured one.
     settings : Path
         Folder of the hyperparameters.
-    overwrite : bool
-        Replace a finished run; otherwise it is left as it is.
+    overwrite : bool, optional
+        Replace a finished run; with None one of exactly this stays, and another one is replaced.
 
     Returns
     -------
@@ -86,19 +64,20 @@ def train(
     FileExistsError
         If the run exists and ``overwrite`` is false.
     """
-    chosen = chosen_settings(algo, problem, steps, settings)
-    place = run_folder(folder, algo, problem, seed)
-    if place.exists() and not overwrite:
+    if algo not in ALGORITHMS:
+        raise ValueError(f"algo = {algo!r}: must be one of {', '.join(ALGORITHMS)}")
+    if steps is not None and steps < 1:
+        raise ValueError(f"steps = {steps}: must be >= 1")
+    asked, module = scenario if isinstance(scenario, Scenario) else load_scenario(scenario), f"sledenv.agents.{algo}"
+    kind: Environment = environment or ("descent" if asked.is_ride else "launch")
+    chosen = runs.budgeted(runs.read_settings(settings, module, kind), steps)
+    problem = runs.problem_of(asked, kind, chosen, control)
+    place = folder / f"{problem.scenario.id}-{kind}-{problem.control}-{algo}-s{seed}"
+    if overwrite is None and runs.is_trained(module, problem, chosen, seed, place):
+        return place
+    if place.exists() and overwrite is False:
         raise FileExistsError(f"{place} exists: add --overwrite to replace it")
-    return runs.train(_module(algo), problem, chosen, seed, place)
-
-
-def trained(
-    algo: str, problem: Problem, *, seed: int = 0, folder: Path = Path("runs"), steps: int | None = None
-) -> bool:
-    """Whether :func:`train` with these arguments has been run already."""
-    settings = chosen_settings(algo, problem, steps)
-    return runs.is_trained(_module(algo), problem, settings, seed, run_folder(folder, algo, problem, seed))
+    return runs.train(module, problem, chosen, seed, place)
 
 
 command = app("python -m sledenv.agents.train", "Train one agent on one scenario.")
@@ -114,7 +93,7 @@ def _train(
     seed: Seed = 0,
     steps: Count | None = None,
     settings: Path = SETTINGS,
-    runs: Path = Path("runs"),
+    folder: Annotated[Path, Parameter(name="--runs")] = Path("runs"),
     overwrite: bool = False,
 ) -> None:
     """Train one agent.
@@ -131,24 +110,28 @@ def _train(
         Budget in environment steps; default: configs/agents/ALGO.yaml.
     settings
         Folder of the hyperparameters.
-    runs
+    folder
         Where the folder of the run is made.
     overwrite
         Replace a finished run.
     """
-    asked = load_scenario(scenario)
-    problem = Problem(asked, environment or ("descent" if asked.is_ride else "launch"), control)
-    folder = train(algo, problem, seed=seed, folder=runs, steps=steps, settings=settings, overwrite=overwrite)
-    print(f"{folder}\njudge it:  python -m sledenv.agents.evaluate {folder}\nwatch it:  tensorboard --logdir {folder}")
+    made = train(
+        algo,
+        scenario,
+        environment,
+        control,
+        seed=seed,
+        folder=folder,
+        steps=steps,
+        settings=settings,
+        overwrite=overwrite,
+    )
+    print(f"{made}\njudge it:  python -m sledenv.agents.evaluate {made}\nwatch it:  tensorboard --logdir {made}")
 
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line."""
     return run(command, arguments)
-
-
-def _module(algo: str) -> str:
-    return f"sledenv.agents.{algo}"
 
 
 if __name__ == "__main__":

@@ -8,7 +8,6 @@ import shutil
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 
@@ -19,12 +18,13 @@ from sledenv.agents import curve
 from sledenv.agents.evaluate import main, table
 from sledenv.agents.random_launch import Agent as Random
 from sledenv.agents.sac import Agent as Sac
-from sledenv.agents.train import default_settings, run_folder, train, trained
+from sledenv.agents.train import train
 from sledenv.agents.zero import Agent as Zero
-from sledenv.benchmark import best_rides
-from sledenv.benchmark.evaluation import Evaluation, evaluation_of, mean_interval
+from sledenv.benchmark import runs
+from sledenv.benchmark.evaluation import Evaluation, evaluation_of
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import TRAINED, load_run
+from sledenv.benchmark.runs import TRAINED, is_trained, load_run, read_settings
+from sledenv.benchmark.scores import mean_interval
 from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario, load_scenario
@@ -36,10 +36,9 @@ pytestmark = pytest.mark.filterwarnings("ignore")  # of torch, tensorboard and r
 @pytest.fixture
 def quick(monkeypatch):
     """Settings with which a training run takes seconds."""
-    original = default_settings
 
-    def settings(algo, problem, folder):
-        values = original(algo, problem, folder)
+    def settings(folder, module, environment):
+        values, algo = read_settings(folder, module, environment), module.rpartition(".")[2]
         if algo in ("sac", "tqc"):
             values |= {"n_timesteps": 160, "learning_starts": 64, "batch_size": 32, "gradient_steps": 1}
         if algo == "ppo":
@@ -47,22 +46,14 @@ def quick(monkeypatch):
         if algo == "best_fixed":
             values |= {"n_timesteps": 400, "contexts": 20}
         if algo == "critic":
-            values |= {"n_timesteps": 300, "n_contexts": 10, "n_tries": 10, "gradient_steps": 2, "checks": 1}
-        if algo in ("ride_critic", "replan_critic"):
-            values |= {"n_timesteps": 300, "n_lanes": 10, "n_epochs": 1, "batch_size": 50, "checks": 1}
-        if algo in ("replan", "replan_critic"):
+            values |= {"n_timesteps": 300, "n_envs": 10, "n_steps": 10, "n_epochs": 1, "batch_size": 50, "checks": 1}
+            values |= {"blur": 0.2}
+        if algo == "replan":
             values |= {"spins": [3]}
         return values
 
-    monkeypatch.setattr(sledenv.agents.train, "default_settings", settings)
+    monkeypatch.setattr(runs, "read_settings", settings)
     monkeypatch.setattr(curve, "_CONTEXTS", 12)
-
-
-def test_the_critic_behind_the_lookahead_has_the_settings_of_the_ride_critic():
-    problem = Problem(own_scenario("brake_mat"), "descent")
-    settings = default_settings("replan_critic", problem)
-    assert settings.pop("spins")
-    assert settings == default_settings("ride_critic", problem)
 
 
 def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
@@ -78,15 +69,15 @@ def test_the_splits_share_no_context_and_do_not_depend_on_their_size():
 
 EVERY_AGENT = [
     *(("launch", algo) for algo in ("best_fixed", "critic", "land_flat", "ppo", "random_launch", "sac", "tqc", "zero")),
-    *(("descent", algo) for algo in ("land_parallel", "ppo", "random_launch", "replan", "replan_critic")),
-    *(("descent", algo) for algo in ("ride_critic", "sac", "tqc", "zero")),
+    *(("descent", algo) for algo in ("critic", "land_parallel", "ppo", "random_launch", "replan")),
+    *(("descent", algo) for algo in ("sac", "tqc", "zero")),
 ]
 
 
 @pytest.mark.parametrize(("environment", "algo"), EVERY_AGENT)
 def test_a_trained_run_is_complete_and_loads_to_the_same_agent(environment, algo, quick, tmp_path):
     """Oracle: two loads judge alike; the folder holds the resolved configuration."""
-    folder = train(algo, Problem(own_scenario("brake_mat"), environment), seed=3, folder=tmp_path)
+    folder = train(algo, own_scenario("brake_mat"), environment, seed=3, folder=tmp_path)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     assert config["agent"] == f"sledenv.agents.{algo}"
     assert config["scenario_hash"] == Problem(own_scenario("brake_mat"), environment).scenario.hash
@@ -112,8 +103,8 @@ def test_every_agent_chooses_a_speed_too(algo, control, quick, tmp_path):
     """Oracle: the box; what is chosen, in the middle or not, is what the descent is launched with."""
     content = load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
     content["control"]["speed_m_s"] = (2.0, 5.0)
-    problem = Problem(Scenario.model_validate(content), control=control)
-    _, agent, _ = load_run(train(algo, problem, seed=3, folder=tmp_path))
+    problem = Problem(scenario := Scenario.model_validate(content), control=control)
+    _, agent, _ = load_run(train(algo, scenario, "launch", control, seed=3, folder=tmp_path))
     contexts = problem.contexts("test", 10)
     batch, launches = problem.judge(agent, contexts)
     assert launches.shape == (10, len(problem.task.controlled))
@@ -127,7 +118,7 @@ def test_every_agent_chooses_a_speed_too(algo, control, quick, tmp_path):
 
 def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(quick, tmp_path):
     """Oracle: the validation contexts, judged again."""
-    folder = train("sac", Problem(own_scenario("brake_mat")), seed=0, folder=tmp_path)
+    folder = train("sac", own_scenario("brake_mat"), "launch", seed=0, folder=tmp_path)
     checks = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1, ndmin=2)
     assert checks[0, 0] == 0
     assert checks[-1, 0] >= 160
@@ -143,7 +134,7 @@ def test_sac_writes_a_learning_curve_and_keeps_the_policy_that_validated_best(qu
 
 def test_the_best_fixed_action_beats_every_other_candidate_on_its_own_contexts(quick, tmp_path):
     """Oracle: the same candidates, judged again one by one."""
-    folder = train("best_fixed", Problem(own_scenario("brake_mat")), seed=1, folder=tmp_path)
+    folder = train("best_fixed", own_scenario("brake_mat"), "launch", seed=1, folder=tmp_path)
     problem, agent, _ = load_run(folder)
     contexts = problem.contexts("train", 20, 1)
     best = problem.judge(agent, contexts)[0].jam.reward.mean()
@@ -159,30 +150,30 @@ def test_an_interrupted_run_leaves_nothing_and_can_be_started_again(quick, tmp_p
     with monkeypatch.context() as patch:
         patch.setattr(Zero, "train", interrupt)
         with pytest.raises(KeyboardInterrupt):
-            train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path)
+            train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path)
     assert list(tmp_path.iterdir()) == []
-    folder = run_folder(tmp_path, "zero", Problem(own_scenario("brake_mat")), 0)
-    assert train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path) == folder
+    folder = tmp_path / "brake_mat-launch-both-zero-s0"
+    assert train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path) == folder
     with pytest.raises(FileExistsError, match="--overwrite"):
-        train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path)
-    train("zero", Problem(own_scenario("brake_mat")), folder=tmp_path, overwrite=True)
+        train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path)
+    train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path, overwrite=True)
 
 
 def test_of_two_trainings_into_one_folder_the_later_stays_whole(quick, tmp_path, monkeypatch):
     """Oracle: the settings that each wrote beside what it learned; the second begins and ends within the first."""
-    problem, inner = Problem(own_scenario("brake_mat")), []
+    inner = []
     real = Random.train.__func__
 
     def during(cls, problem, settings, seed, folder):
         if not inner:
             inner.append(None)
-            train("random_launch", problem, folder=tmp_path, overwrite=True)
+            train("random_launch", own_scenario("brake_mat"), "launch", folder=tmp_path, overwrite=True)
         agent = real(cls, problem, settings, seed, folder)
         (folder / "mine.txt").write_text(str(len(list(tmp_path.iterdir()))))
         return agent
 
     monkeypatch.setattr(Random, "train", classmethod(during))
-    folder = train("random_launch", problem, folder=tmp_path)
+    folder = train("random_launch", own_scenario("brake_mat"), "launch", folder=tmp_path)
     assert list(tmp_path.iterdir()) == [folder]
     assert {path.name for path in folder.iterdir()} == {"config.yaml", "mine.txt", "random.yaml", "record.yaml"}
     assert (folder / "mine.txt").read_text() == "2"  # the inner one's folder, and its own scratch
@@ -199,7 +190,7 @@ def test_a_run_that_was_killed_is_no_finished_run(tmp_path, capsys):
 @pytest.mark.parametrize("name", ["config.yaml", "action.yaml"])
 def test_a_run_that_refers_from_place_to_place_is_refused(name, tmp_path, quick):
     """A few lines of such references stand for gigabytes."""
-    folder = train("best_fixed", Problem(own_scenario("brake_mat")), folder=tmp_path)
+    folder = train("best_fixed", own_scenario("brake_mat"), "launch", folder=tmp_path)
     bomb = "a0: &a0 [x, x]\n" + "".join(f"a{i}: &a{i} [*a{i - 1}, *a{i - 1}]\n" for i in range(1, 60))
     (folder / name).write_text((folder / name).read_text() + bomb)
     with pytest.raises((ValueError, GivenCodeError), match="refers to another place") as raised:
@@ -223,7 +214,7 @@ def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_w
         assert main([name, "--json", str(tmp_path / "no" / "scores.json")]) == 2
         assert "--json" in (told := capsys.readouterr().err)
         assert "there is no folder" in told
-    few = [name, "--contexts", "2", "--searched", "0", "--json", str(file)]
+    few = [name, "--contexts", "2", "--json", str(file)]
     assert main(few) == 0
     before = file.read_text()
     assert json.loads(before)[0]["falls_interval"][1] > 0.0
@@ -242,14 +233,13 @@ def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_w
 
 def test_tracks_made_by_hand_have_a_table_of_their_own(tmp_path, capsys):
     """Oracle: the rewards that ``evaluate`` gives."""
-    name, file = "sled_rollers-descent-trim-ride_critic-s0", tmp_path / "scores.json"
+    name, file = "sled_rollers-descent-trim-critic-s0", tmp_path / "scores.json"
     assert main([name, "--tracks", "--contexts", "14", "--json", str(file)]) == 0
     told = capsys.readouterr().out
     score = sledenv.evaluate(name, contexts=14, tracks=True)
     assert json.loads(file.read_text())[0]["rewards"] == score.rewards.tolist()
     assert json.loads(file.read_text())[0]["tracks"] == list(score.places)
     lines = {line.split()[0]: line.split() for line in told.splitlines() if line}
-    assert "best reward" not in told
     for track in score.places:
         on = np.array(score.places) == track
         mean, falls = f"{score.rewards[on].mean():.3f},", f"{score.fallen[on].mean():.1%}"
@@ -286,7 +276,7 @@ def test_bad_arguments_of_training_are_explained_and_write_nothing(arguments, me
 def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monkeypatch, capsys):
     """Oracle: the same run, by its path; a folder of that name in the working folder is meant first."""
     name = "sled_mat-launch-spin-critic-s0"
-    few = ["--contexts", "4", "--searched", "0"]
+    few = ["--contexts", "4"]
     assert main([str(TRAINED / name), *few]) == 0
     by_path = capsys.readouterr().out
     monkeypatch.chdir(tmp_path)
@@ -301,14 +291,19 @@ def test_a_run_that_ships_is_found_by_its_name_wherever_one_works(tmp_path, monk
 
 def test_a_run_of_another_version_of_the_scenario_is_not_taken_for_this_one(quick, tmp_path):
     """Oracle: a run keeps its own scenario, and is trained only if everything that is meant agrees."""
-    problem = Problem(own_scenario("brake_mat"))
-    folder = train("zero", problem, folder=tmp_path)
-    assert trained("zero", problem, folder=tmp_path)
-    assert not trained("zero", problem, seed=1, folder=tmp_path)
+    problem, module = Problem(own_scenario("brake_mat")), "sledenv.agents.zero"
+    folder = train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path)
+    before = (folder / "config.yaml").stat().st_mtime_ns
+    assert train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path, overwrite=None) == folder
+    assert (folder / "config.yaml").stat().st_mtime_ns == before
+    assert is_trained(module, problem, {}, 0, folder)
+    assert not is_trained(module, problem, {}, 1, folder)
     config = yaml.safe_load((folder / "config.yaml").read_text())
     (folder / "config.yaml").write_text(yaml.safe_dump(config | {"scenario_hash": "0" * 16}))
-    assert not trained("zero", problem, folder=tmp_path)
+    assert not is_trained(module, problem, {}, 0, folder)
     assert load_run(folder)[0].scenario == problem.scenario
+    train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path, overwrite=None)
+    assert is_trained(module, problem, {}, 0, folder)
 
 
 def test_the_table_has_the_best_first_and_compares_context_by_context():
@@ -316,35 +311,39 @@ def test_the_table_has_the_best_first_and_compares_context_by_context():
     rng = np.random.default_rng(0)
     base = rng.uniform(0.2, 0.6, 50)
     status = np.full((50, 4), "finish")
-    best = pd.DataFrame({"reward": 2.0 * base[:8], "low": 2.0 * base[:8], "high": 2.0 * base[:8]})
     given = {"a_rather_long_name": base, "high": base + 0.125}
-    scores = [Evaluation(name, "mine", rewards, status) for name, rewards in given.items()]
-    header, _, high, low, *words = table(scores, best).splitlines()
+    of = {
+        "reference": "somebody",
+        "lower": np.r_[2.0 * base[:8], np.full(42, np.nan)],
+        "lower_fallen": np.zeros(50),
+        "clairvoyant": 0.0 * base,
+    }
+    scores = [Evaluation(name, "mine", rewards, status, **of) for name, rewards in given.items()]
+    header, _, high, low, *words = table(scores).splitlines()
     assert "behind high" in header
     assert (high.split()[0], low.split()[0]) == ("high", "a_rather_long_name")
     assert low.endswith("0.125 [0.125, 0.125]")
-    assert "50.0% [50.0, 50.0]" in low
+    assert "0.500 [0.500, 0.500]" in low
     assert "0.0% [0.0, 7.1]" in low  # Wilson's interval of 0 in 50
     assert low.index("[") == high.index("["), "columns stand below each other, whatever the names"
-    assert "first 8 contexts" in "".join(words)
+    assert "Ratio: to the mean reward of somebody, 0.8" in "".join(words)
+    assert " in the first 8 contexts." in "".join(words)
     few, many = mean_interval(base)
     assert few < base.mean() < many
 
 
 def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(sledenv.agents.demo, "CONTEXTS", 12)
-    monkeypatch.setattr(sledenv.agents.demo, "SEARCHED", 2)
-    for name, value in {"BRANCHES": 6, "WIDTHS": (0.3,), "SEARCHES": 2}.items():
-        monkeypatch.setattr(best_rides, name, value)
     command = ["--out", str(tmp_path / "demo"), "--steps", "300"]
     assert sledenv.agents.demo.main(command) == 0
     told = capsys.readouterr().out
-    assert "over the first 2 contexts" in told
+    assert "Ratio: to the mean reward of replan" in told
     scores = json.loads((tmp_path / "demo" / "scores.json").read_text())
     assert [score["agent"] for score in scores] == ["no trims", "rule", "small", "shipped"]
     listed = told.partition("-----\n")[2].splitlines()[: len(scores)]
     for line, score in zip(listed, sorted(scores, key=lambda score: -score["mean"]), strict=True):
         assert line.startswith(score["agent"])
     assert (tmp_path / "demo" / "before_after.png").stat().st_size > 20_000
+    written = sorted((tmp_path / "demo").rglob("critic.npz"))[0].stat().st_mtime_ns
     assert sledenv.agents.demo.main(command) == 0
-    assert "already trained" in capsys.readouterr().out
+    assert sorted((tmp_path / "demo").rglob("critic.npz"))[0].stat().st_mtime_ns == written

@@ -7,7 +7,7 @@ import pytest
 from scipy.special import ndtri
 
 from sledenv import load_scenario
-from sledenv.agents import land_flat, land_parallel, replan, replan_critic, zero
+from sledenv.agents import land_flat, land_parallel, replan, zero
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.inputs import SEEN
 from sledenv.envs.task import Task
@@ -211,7 +211,7 @@ def test_replan_rates_a_spin_by_the_best_that_can_follow():
     assert np.median(np.abs(predicted - np.max(earned, axis=0))) < 1e-7
 
 
-def test_a_critic_tells_what_follows_behind_the_lookahead():
+def test_a_critic_tells_what_follows_behind_the_lookahead(monkeypatch):
     """Oracle: the rides themselves, one spin further, and what is seen of them there; the critic rates the way left."""
     problem = Problem(ride_over_bumps(), "descent")
     task, contexts = problem.task, problem.contexts("test", 40)
@@ -225,7 +225,8 @@ def test_a_critic_tells_what_follows_behind_the_lookahead():
 
     rides = task.rides(task.scenes(contexts))
     scenes = task.masked(rides.scenes, rides.flights)
-    agent = replan_critic.Agent(problem, [1], Critic())
+    monkeypatch.setattr(replan, "load_run", lambda run: (problem, Critic(), {}))
+    agent = replan.Agent(problem, [1], "{scenario}-critic")
     predicted = agent.predicted(scenes, rides.flights, np.full((40, 1), 0.5))[:, 0]
     rides.hop(np.full(40, 0.5))
     running = np.flatnonzero(rides.flights["status"] == RUNNING)
@@ -237,6 +238,15 @@ def test_a_critic_tells_what_follows_behind_the_lookahead():
     # What lies further ahead than the eighth vertex was not seen before.
     near = slice(SEEN, task.observation_names.index("ahead_4_x"))
     assert np.median(np.abs(shown[0][:, near] - seen[:, near])) < 1e-6
+
+
+def test_replan_takes_a_critic_of_rides_by_the_name_of_its_run():
+    problem = Problem("sled_kickers", "descent")
+    contexts = problem.contexts("test", 4)
+    given = {"spins": [9], "critic": "{scenario}-descent-trim-critic-s0"}
+    assert (problem.judge(replan.Agent(problem, **given), contexts)[0].jam.reward > 0.0).all()
+    with pytest.raises(ValueError, match="must be 'descent' for a critic of rides"):
+        replan.Agent(problem, [9], "sled_mat-launch-spin-critic-s0")
 
 
 def test_replan_counts_on_the_errors_of_an_unsteady_rider():

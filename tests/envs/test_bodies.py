@@ -9,7 +9,7 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
-from sledenv.benchmark.landing import Landing
+from sledenv.agents.features import LaunchFeatures
 from sledenv.benchmark.problem import Problem
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.inputs import FIELDS
@@ -148,12 +148,16 @@ def test_the_scales_of_a_flight_are_those_of_the_fastest_body():
     assert task.columns.scales.size == max(one.columns.scales.size for one in alone)
 
 
-def test_landings_are_those_of_each_body():
+def test_touches_are_those_of_each_body():
     """Oracle: problems with each body alone; the height by hand."""
     problem = Problem(SEVERAL, control="orientation")
     contexts = problem.contexts("test", 30)
-    landings = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 1))
-    found = Landing(problem).launches(contexts, landings)
+    launches = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 1, 1)).astype(np.float32)
+
+    def told(problem, contexts, launches):
+        return LaunchFeatures(problem).of_actions(problem.task.observe(problem.task.scenes(contexts)), launches)
+
+    found = told(problem, contexts, launches)
     heights = problem.task.support_heights(contexts, np.full(30, 0.3))
     assert heights.tolist() == [
         support_height(SEVERAL.given(sledenv.Context(*row)).body, 0.3) for row in contexts.tolist()
@@ -162,8 +166,8 @@ def test_landings_are_those_of_each_body():
         own = contexts[:, SHAPE] == i
         alone = contexts[own].copy()
         alone[:, SHAPE] = 0.0
-        other = Landing(Problem(scenario(section), control="orientation"))
-        assert np.array_equal(other.launches(alone, landings[own]), found[own])
+        other = told(Problem(scenario(section), control="orientation"), alone, launches[own])
+        np.testing.assert_allclose(other, found[own], atol=1e-5)
 
 
 def test_pictures_show_the_body_of_the_episode():

@@ -21,10 +21,10 @@ from typing import Annotated, Any, Final, cast
 
 from pydantic import ConfigDict, ValidationError
 
-from sledenv.benchmark.problem import Agent, Environment, Problem
+from sledenv.benchmark.problem import ENVIRONMENTS, Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.machine.files import put, replacing
+from sledenv.machine.files import put
 from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
@@ -80,16 +80,15 @@ def budgeted(settings: dict[str, Any], steps: int | None) -> dict[str, Any]:
     return settings if steps is None or "n_timesteps" not in settings else settings | {"n_timesteps": steps}
 
 
-def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]:
+def read_settings(folder: Path, module: str, environment: Environment) -> dict[str, Any]:
     """Read the hyperparameters of an agent from a folder such as configs/agents; empty where it has none.
 
     Raises
     ------
     ValueError
-        If the file is missing, though the agent ships with one, cannot be read, or says nothing about the environment
-        of the problem.
+        If the file is missing, though the agent ships with one, cannot be read, or says nothing about the environment.
     """
-    path = folder / f"{agent_name(module)}.yaml"
+    path, wanted = folder / f"{agent_name(module)}.yaml", ENVIRONMENTS[environment]
     if not path.is_file():
         if module.startswith(_SHIPPED) and (SETTINGS / path.name).is_file():
             raise ValueError(f"{path}: missing, but agent {module} needs settings: copy {SETTINGS / path.name}")
@@ -99,13 +98,34 @@ def read_settings(folder: Path, module: str, problem: Problem) -> dict[str, Any]
     except ValueError as error:
         raise ValueError(f"{path}: cannot be read: {' '.join(str(error).split())}") from error
     known = content if isinstance(content, dict) else {}
-    if problem.id not in known:
-        raise ValueError(f"{path} has no settings for {problem.id}, only for {', '.join(map(str, known)) or 'nothing'}")
-    if not isinstance(known[problem.id], dict):
-        raise ValueError(
-            f"{path}: {problem.id} = {reprlib.repr(known[problem.id])}: must be a mapping of keys to values"
-        )
-    return dict(known[problem.id])
+    if wanted not in known:
+        raise ValueError(f"{path} has no settings for {wanted}, only for {', '.join(map(str, known)) or 'nothing'}")
+    settings = known[wanted]
+    if not isinstance(settings, dict):
+        raise ValueError(f"{path}: {wanted} = {reprlib.repr(settings)}: must be a mapping of keys to values")
+    return dict(settings)
+
+
+def problem_of(
+    scenario: str | os.PathLike[str] | Scenario,
+    environment: Environment,
+    settings: dict[str, Any],
+    control: str | None = None,
+    **given: Any,
+) -> Problem:
+    """Return the problem of an agent with such settings.
+
+    Parameters
+    ----------
+    scenario, environment, control
+        As for :class:`sledenv.benchmark.problem.Problem`.
+    settings : dict
+        Of :func:`read_settings`. ``env_kwargs``, as rl-baselines3-zoo has them, are keywords of the problem: what the
+        agent sees.
+    given
+        Other keywords of the problem.
+    """
+    return Problem(scenario, environment, control, **given, **settings.get("env_kwargs", {}))
 
 
 def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Path:
@@ -117,7 +137,7 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
         As for :func:`agent_class`.
     problem : Problem
     settings : dict
-        As for :meth:`Agent.train`.
+        As for :meth:`Agent.train`, and ``env_kwargs`` of the problem.
     seed : int
         Of everything random in the run.
     folder : Path
@@ -142,33 +162,15 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
         write_yaml(part / _CONFIG, config)
         wall, cpu = time.perf_counter(), time.process_time()
         with blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
-            agent.train(problem, copy.deepcopy(settings), seed, part)  # stable-baselines3 writes into nested settings
+            own = copy.deepcopy(settings)  # stable-baselines3 writes into nested ones
+            own.pop("env_kwargs", None)  # which the problem has
+            agent.train(problem, own, seed, part)
         record = {"train_seconds": time.perf_counter() - wall, "train_cpu_seconds": time.process_time() - cpu}
         write_yaml(part / _RECORD, record)
         put(part, folder, scratch / "before")
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return folder
-
-
-def adopt(folder: Path, problem: Problem) -> None:
-    """Write a problem into a finished run, in place of the one that it was trained on.
-
-    Its agent stays as it is: what is asked must be the same, simulated otherwise.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        As :func:`read_config`; if the run is of another environment, control, observation or launch noise.
-    """
-    config = read_config(folder)
-    wanted = meant(config["agent"], problem, config["settings"], config["seed"])
-    other = [key for key, value in wanted.items() if key not in ("scenario_hash", "code") and config.get(key) != value]
-    if other:
-        raise ValueError(f"{folder}: the run has another {' and '.join(other)}")
-    config |= wanted | {"scenario": problem.scenario.model_dump(mode="json", by_alias=True)}
-    with replacing(folder / _CONFIG, ".yaml") as part:
-        write_yaml(part, config)
 
 
 def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> bool:
@@ -189,7 +191,7 @@ def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: in
 
 
 def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) -> dict[str, Any]:
-    """Return what tells one run from another, as plain data."""
+    """Return all that tells one run from another, as plain data."""
     return {
         "agent": module,
         "code": _code(module),
@@ -197,6 +199,7 @@ def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) ->
         "environment": problem.environment,
         "control": problem.control,
         "observe": list(problem.task.observed),
+        "columns": list(problem.task.groups),
         "launch_noise": problem.noise.tolist(),
         "seed": seed,
         "settings": settings,
@@ -204,8 +207,12 @@ def meant(module: str, problem: Problem, settings: dict[str, Any], seed: int) ->
 
 
 def _code(module: str) -> str:
-    """Digest of the source of an agent and of all that it inherits from."""
+    """Digest of the source of an agent, of all that it inherits from, and of what these have from the same package."""
     names = {kind.__module__ for kind in agent_class(module).__mro__} - sys.stdlib_module_names
+    package = module.rpartition(".")[0]
+    for name in sorted(names):
+        had = {str(getattr(value, "__module__", "")) for value in vars(sys.modules[name]).values()}
+        names |= {one for one in had if package and one.startswith(f"{package}.")}
     sources = [inspect.getsource(sys.modules[name]) for name in sorted(names)]
     return hashlib.sha256(json.dumps(sources).encode()).hexdigest()[:12]
 
@@ -223,6 +230,7 @@ class _Config(Section):
     environment: Environment
     control: str
     observe: tuple[str, ...]
+    columns: tuple[str, ...]
     launch_noise: tuple[Deviation, Deviation]
     seed: Annotated[int, Whole("[0, inf)")]
     scenario: dict[str, Any]
@@ -298,7 +306,7 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     config = read_config(folder)
     read_record(folder)  # which a run that was killed has not
     scenario = Scenario.model_validate(config["scenario"])
-    given = {"observe": config["observe"], "launch_noise": config["launch_noise"]}
+    given = {key: config[key] for key in ("observe", "columns", "launch_noise")}
     problem = Problem(scenario, config["environment"], config["control"], **given)
     kind = agent_class(config["agent"])
     with blaming(f"agent {config['agent']}, {folder}", "load"):

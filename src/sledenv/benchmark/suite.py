@@ -11,7 +11,7 @@ from typing import Annotated, Any, ClassVar, Literal, NamedTuple, Self, get_args
 from pydantic import Field, field_validator, model_validator
 
 from sledenv.benchmark.problem import Environment, Problem
-from sledenv.benchmark.runs import SETTINGS, agent_class, agent_name, budgeted, read_settings
+from sledenv.benchmark.runs import SETTINGS, agent_class, agent_name, budgeted, problem_of, read_settings
 from sledenv.scenarios.configuration import Document, Section, Whole
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 
@@ -43,7 +43,7 @@ class Job(NamedTuple):
 
     def problem(self) -> Problem:
         """Return what the agent is given."""
-        return Problem(self.scenario, self.environment, **self.given)
+        return problem_of(self.scenario, self.environment, self.settings, **self.given)
 
 
 class Entry(Section):
@@ -185,7 +185,8 @@ class Suite(Document):
         """Return the settings of an agent, those of its file with what a variant changes."""
         try:
             agent_class(module)
-            settings = read_settings(Path(self.settings), module, self.problem(scenario, kind))
+            settings = read_settings(Path(self.settings), module, kind)
+            problem_of(scenario, kind, settings, **self._given())
             if unknown := sorted(changes.keys() - settings.keys()):
                 known = ", ".join(settings) or "none"
                 raise ValueError(f"agent {module}, variants: {unknown[0]!r} is no setting; there are {known}")

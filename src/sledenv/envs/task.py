@@ -324,8 +324,8 @@ class Task:
         contexts[:, FIELDS - 1] = self._context_low[-1]
         told = (observations[:, :SEEN] * self.columns.scale[:SEEN] + self.columns.middle[:SEEN])[:, self.varies]
         contexts[:, :SEEN][:, self.varies] = told
-        contexts = np.clip(contexts, self._context_low, self._context_high)
-        contexts[:, _SHAPE] = np.rint(contexts[:, _SHAPE])
+        low, high = self._context_low[_SHAPE], self._context_high[_SHAPE]
+        contexts[:, _SHAPE] = np.rint(np.clip(contexts[:, _SHAPE], low, high))
         contexts[:, self._chosen] = np.nan
         return contexts
 
