@@ -24,7 +24,7 @@ from tests.browser import Browser, browser, data_of, needs_chromium, patient, wa
 from tests.own_scenarios import own_scenario
 
 SCENARIO, SEEDS = "sled_snow", (3, 4)
-SHIPPED = Path("sled_snow-launch-orientation+speed-critic-s0")
+SHIPPED = Path("sled_snow-launch-orientation-critic-s0")
 DEGREE = math.pi / 180.0
 
 
@@ -50,12 +50,13 @@ def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -
     low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
     contexts = json.loads(data["exact"])["contexts"]
     assert [context["name"] for context in contexts] == [f"seed {seed}" for seed in SEEDS]
-    assert data["axes"] == data["free"] == ["orientation", "speed"] == list(problem.task.controlled)
+    assert data["axes"] == ["orientation", "spin"]
+    assert data["free"] == ["orientation"] == list(problem.task.controlled)
     for seed, context in zip(SEEDS, contexts, strict=True):
         (mark,) = context["marks"]
         assert mark["name"] == "critic"
         given = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-        values = np.array([mark["launch"]["orientation"] / DEGREE, mark["launch"]["speed"]])
+        values = np.array([mark["launch"]["orientation"] / DEGREE])
         action = 2.0 * (values - low) / (high - low) - 1.0
         reward = problem.expect(problem.trials(given, "test"), action[np.newaxis, np.newaxis])[0, 0]
         assert mark["expected"] == pytest.approx(reward, abs=1e-6)
@@ -93,8 +94,9 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
     assert chromium.run("return document.querySelectorAll('#map .agent').length") == 1
     for i, mark in enumerate(marks):
         chromium.click(f"[data-mark='{i}']")
-        wait_until(chromium, f"!asking && Math.abs(launchOf().speed - {mark['launch']['speed']!r}) < 1e-9")
-        given = problem.scenario.given(context, mark["launch"]["orientation"], speed=mark["launch"]["speed"])
+        orientation = mark["launch"]["orientation"]
+        wait_until(chromium, f"!asking && Math.abs(launchOf().orientation - {orientation!r}) < 1e-9")
+        given = problem.scenario.given(context, orientation)
         descent = simulate(*given, problem.scenario.settings())
         status, reward = chromium.run("return [shown.status, shown.jam.reward]")
         assert status == str(descent.status)

@@ -88,7 +88,7 @@ def test_the_scenario_says_what_is_asked():
         return policy
 
     sledenv.evaluate(seeing("rollers", 1), RIDE, 2)
-    sledenv.evaluate(seeing("snow", 2), "sled_snow", 2)
+    sledenv.evaluate(seeing("snow", 1), "sled_snow", 2)
     sledenv.evaluate(seeing("both", 2), "sled_mat", 2, control="both")
     sledenv.evaluate(seeing("plane", 1), "sled_mat", 2, environment="descent")
     sledenv.evaluate(seeing("launch", 2), RIDE, 2, environment="launch", control="both")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from agents import land_parallel
+from sledenv.agents.clairvoyant import follow_plans
 from sledenv.benchmark import riders
-from sledenv.benchmark.best_rides import follow_plans
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.riders import ridden
 from sledenv.benchmark.runs import train

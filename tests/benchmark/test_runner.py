@@ -265,7 +265,7 @@ def test_steps_of_a_suite_are_for_agents_that_have_a_budget(tmp_path):
     agents = {"descent": {"sledenv.agents.replan": 1, "sledenv.agents.ppo": 1}}
     suite = Suite.load(written(tmp_path, agents=agents, scenarios=["sled_rollers"]))
     settings = {job.agent: job.settings for job in suite.jobs()}
-    assert list(settings["replan"]) == ["spins"]
+    assert list(settings["replan"]) == ["spins", "critic"]
     assert settings["ppo"]["n_timesteps"] == 240
 
 

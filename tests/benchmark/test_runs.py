@@ -173,5 +173,5 @@ def test_a_run_with_a_damaged_file_is_trained_again(tmp_path: Path, caplog: pyte
 def test_settings_that_are_none_are_refused(text: str, message: str, tmp_path: Path) -> None:
     (tmp_path / "sac.yaml").write_text(text)
     with pytest.raises(ValueError, match=r"sac\.yaml") as raised:
-        read_settings(tmp_path, "sledenv.agents.sac", Problem("sled_mat"))
+        read_settings(tmp_path, "sledenv.agents.sac", "launch")
     assert message in str(raised.value)

@@ -68,12 +68,16 @@ def test_without_a_reference_only_what_needs_one_is_missing() -> None:
     assert scores.regrets(make.without_reference(made).judged).isna().all()
 
 
-def test_a_reference_that_lacks_a_context_of_the_suite_is_none() -> None:
+def test_a_reference_that_lacks_a_context_is_of_the_others() -> None:
+    """Oracle: the means over the contexts that it has."""
     made = make.results({"sac": FEW})
+    judged = made.judged[made.judged["agent"] == "sac"]
     lower = made.judged["lower"].where(made.judged["context"] != 2)
     row = row_of(scores.scores(made._replace(judged=made.judged.assign(lower=lower))), "sac")
-    assert np.isnan(row["ratio"])
-    assert row["reward"] > 0.0
+    known = judged[judged["context"] != 2]
+    assert row["ratio"] == pytest.approx(known["reward"].mean() / known["lower"].mean())
+    assert row["ratio_low"] < row["ratio"] < row["ratio_high"]
+    assert row["reward"] == pytest.approx(judged["reward"].mean())
 
 
 def test_a_share_has_an_interval_even_if_nothing_was_counted() -> None:

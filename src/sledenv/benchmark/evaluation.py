@@ -3,30 +3,27 @@
 from __future__ import annotations
 
 import inspect
+import math
 import os
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal, NamedTuple, Protocol, get_args
+from typing import Any, Final, Literal, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import bootstrap
 
-from sledenv.benchmark.problem import Environment, Planner, Policy, Problem
+from sledenv.benchmark.problem import Agent, Environment, HeldOut, Planner, Policy, Problem
+from sledenv.benchmark.references import reference
 from sledenv.benchmark.runs import agent_name, load_run
-from sledenv.benchmark.scores import mean
+from sledenv.benchmark.scores import mean_interval, ratio_interval, share_interval, told
 from sledenv.envs.columns import USUAL
 from sledenv.machine.blame import blaming
-from sledenv.scenarios import track_names
 from sledenv.scenarios.scenario import Scenario, load_scenario
-from sledenv.simulation.rules import checked_choice
 
-HeldOut = Literal["test", "shifted", "tracks"]
-"""Contexts to judge in: those of the test split, shifted ones, or test contexts spread over the tracks made by hand."""
-
-_RESAMPLES = 2000
+# Attributes of an evaluation that a reference fills, and its columns.
+_REFERENCE: Final = {"lower": "lower", "lower_fallen": "lower_falls", "clairvoyant": "clairvoyant"}
 
 
 class Predicting(Protocol):
@@ -53,6 +50,15 @@ class Evaluation:
         How each trial ended.
     places : tuple of str, shape (n,), optional
         The track made by hand on which each context lies; None where contexts have the ground of their scenario.
+    held_out : {"test", "shifted", "tracks"}
+        Which set the contexts are of.
+    reference : str
+        What the policy is compared with (:mod:`sledenv.benchmark.references`): a planner that sees no more than the
+        policy does, or the best launch found; empty if nothing is known.
+    lower, lower_fallen : ndarray, shape (n,), optional
+        Reward and share of falls of the reference in each context, NaN where they are not known.
+    clairvoyant : ndarray, shape (n,), optional
+        The reward of the best ride found by a search that knows the errors of the rider, an estimate.
     """
 
     policy: str
@@ -60,12 +66,24 @@ class Evaluation:
     rewards: NDArray[np.float64]
     status: NDArray[np.str_]
     places: tuple[str, ...] | None = None
+    held_out: HeldOut = "test"
+    reference: str = ""
+    lower: NDArray[np.float64] | None = None
+    lower_fallen: NDArray[np.float64] | None = None
+    clairvoyant: NDArray[np.float64] | None = None
 
     def __post_init__(self) -> None:
-        for name in ("rewards", "status"):
+        for name in ("rewards", "status", *(_REFERENCE if self.lower is not None else ())):
             values = getattr(self, name).view()
             values.flags.writeable = False
             object.__setattr__(self, name, values)
+
+    @property
+    def where(self) -> str:
+        """Words for the contexts."""
+        kind = "shifted" if self.held_out == "shifted" else "test"
+        ground = "" if self.places is None else f" on {len(set(self.places))} tracks made by hand"
+        return f"{len(self.rewards)} {kind} contexts of {self.scenario}{ground}"
 
     @property
     def mean(self) -> float:
@@ -90,7 +108,23 @@ class Evaluation:
     @cached_property
     def falls_interval(self) -> tuple[float, float]:
         """95 % interval of the share of falls over all such contexts; it has a width even if nothing fell."""
-        return mean(self.fallen[np.newaxis]).share_interval(len(self.fallen))
+        return share_interval(self.fallen)
+
+    @property
+    def ratio(self) -> float:
+        """Mean reward over that of the reference, in the contexts where this is known; NaN of none."""
+        if self.lower is None:
+            return math.nan
+        known = ~np.isnan(self.lower)
+        return float(self.rewards[known].mean() / self.lower[known].mean())
+
+    @cached_property
+    def ratio_interval(self) -> tuple[float, float]:
+        """95 % interval of the ratio over all such contexts."""
+        if self.lower is None:
+            return math.nan, math.nan
+        known = ~np.isnan(self.lower)
+        return ratio_interval(self.rewards[known], self.lower[known])
 
     @property
     def finished(self) -> float:
@@ -98,13 +132,18 @@ class Evaluation:
         return float((self.status == "finish").mean())
 
     def __repr__(self) -> str:
-        ground = "" if self.places is None else f" on {len(set(self.places))} tracks made by hand"
-        return (
-            f"{self.policy}, {len(self.rewards)} test contexts of {self.scenario}{ground}; 95 % intervals\n"
-            f"mean reward  {told(self.mean, self.interval, '.3f')}\n"
-            f"falls        {told(self.falls, self.falls_interval, '.1%')}\n"
-            f"finished     {self.finished:.1%}"
-        )
+        lines = [
+            f"{self.policy}, {self.where}; 95 % intervals",
+            f"mean reward  {told(self.mean, self.interval, '.3f')}",
+            f"falls        {told(self.falls, self.falls_interval, '.1%')}",
+            f"finished     {self.finished:.1%}",
+        ]
+        if self.lower is not None:
+            known = ~np.isnan(self.lower)
+            to = f"to {np.nanmean(self.lower):.3f} of {self.reference}"
+            first = "" if known.all() else f" in the first {known.sum()} contexts"
+            lines.insert(1, f"ratio        {told(self.ratio, self.ratio_interval, '.3f')} {to}{first}")
+        return "\n".join(lines)
 
 
 def evaluate(
@@ -175,23 +214,24 @@ def evaluate(
     ...     return np.zeros((len(observations), 1))
     >>> sledenv.evaluate(still, "sled_rollers", contexts=200)
     still, 200 test contexts of sled_rollers; 95 % intervals
+    ratio        0.674 [0.624, 0.723] to 0.843 of replan, 33 and 5 spins and a critic
     mean reward  0.568 [0.524, 0.610]
-    falls        44.0% [37.2, 51.0]
+    falls        44.0% [37.3, 50.9]
     finished     56.0%
     >>> names = gym.make("sledenv/SledDescent-v0", scenario="sled_rollers").unwrapped.observation_names
     >>> pose, spin = names.index("sine"), names.index("omega")
     >>> def against(observations):
     ...     return np.clip(-2 * observations[:, [pose]] - 2 * observations[:, [spin]], -1, 1)
     >>> found = sledenv.evaluate(against, "sled_rollers", contexts=200)
-    >>> print(f"{found.mean:.3f}, {found.falls:.1%} fall")
-    0.615, 37.0% fall
+    >>> print(f"{found.ratio:.3f}, {found.falls:.1%} fall")
+    0.730, 37.0% fall
     """
     if shifted and tracks:
         raise ValueError("tracks = True: must be False where shifted is True")
     held_out: HeldOut = "tracks" if tracks else "shifted" if shifted else "test"
     count = _checked_contexts(contexts)
     asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)
-    agent: Policy | Planner
+    agent: Policy | Planner | Agent
     if isinstance(policy, str | os.PathLike):
         given = {"environment": environment, "control": control, "launch_noise": launch_noise, "observe": observe}
         for name, value in (given | {"columns": columns, "normalize": normalize}).items():
@@ -215,7 +255,7 @@ def evaluate(
 
 
 def evaluation_of(
-    problem: Problem, agent: Policy | Planner, contexts: int, name: str, held_out: HeldOut = "test"
+    problem: Problem, agent: Policy | Planner | Agent, contexts: int, name: str, held_out: HeldOut = "test"
 ) -> Evaluation:
     """Simulate what an agent does in the first contexts of a held-out set, the same for every agent.
 
@@ -225,7 +265,9 @@ def evaluation_of(
         If there is no such set, or the problem is no ride where "tracks" are asked for.
     """
     rows, rewards, status, places = [], [], [], []
-    for place, one, own in _parts(problem, contexts, held_out):
+    grounds = problem.held_out(held_out)
+    for k, (place, one) in enumerate(list(grounds.items())[:contexts]):
+        own = np.arange(k, contexts, len(grounds))
         # All are drawn, so that a context has the same draws of noise with and without tracks.
         trials = one.trials(one.contexts("test", contexts), "test")[own]
         batch, _ = one.judge(agent, trials)
@@ -235,32 +277,14 @@ def evaluation_of(
         places += [place] * len(own)
     order = np.argsort(np.concatenate(rows))
     on = tuple(places[i] for i in order) if held_out == "tracks" else None
-    return Evaluation(name, problem.scenario.id, np.concatenate(rewards)[order], np.concatenate(status)[order], on)
-
-
-def _parts(problem: Problem, contexts: int, held_out: HeldOut) -> Iterator[tuple[str, Problem, NDArray[np.intp]]]:
-    """Return what makes up a held-out set: track, "" if none, problem, and the numbers of its contexts."""
-    checked_choice("held_out", held_out, get_args(HeldOut))
-    if held_out == "tracks":
-        names = track_names()
-        for k, name in enumerate(names[:contexts]):
-            yield name, problem.on(name), np.arange(k, contexts, len(names))
-    else:
-        yield "", problem.shifted() if held_out == "shifted" else problem, np.arange(contexts)
-
-
-def mean_interval(values: NDArray[np.float64]) -> tuple[float, float]:
-    """Return the 95 % bootstrap interval (BCa) of a mean over contexts."""
-    if np.ptp(values) <= 1e-12:  # nothing to resample
-        return float(values.mean()), float(values.mean())
-    result = bootstrap((values,), np.mean, n_resamples=_RESAMPLES, rng=np.random.default_rng(0))
-    return float(result.confidence_interval.low), float(result.confidence_interval.high)
-
-
-def told(value: float, ends: tuple[float, float], form: str) -> str:
-    """Return a number with its interval as text; a percent sign stands once."""
-    low, high = (format(end, f"z{form}").removesuffix("%") for end in ends)
-    return f"{value:z{form}} [{low}, {high}]"
+    ends = np.concatenate(rewards)[order], np.concatenate(status)[order]
+    found = Evaluation(name, problem.scenario.id, *ends, on, held_out)
+    frozen = reference(problem, held_out)
+    if frozen is None:
+        return found
+    known = frozen.reindex(np.arange(contexts))
+    columns = {name: known[column].to_numpy(float) for name, column in _REFERENCE.items()}
+    return replace(found, reference=frozen.attrs["policy"], **columns)
 
 
 class _Named(NamedTuple):

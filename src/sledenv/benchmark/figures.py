@@ -28,9 +28,7 @@ _LOOKS: Final = {  # colour and marker of each agent, the same in all figures, i
     "sac": (BLUE, "o"),
     "tqc": (SKY, ">"),
     "critic": (RED, "P"),
-    "ride_critic": (RED, "P"),
     "replan": (INK, "p"),
-    "replan_critic": (GREEN, "v"),
 }
 _ACRONYMS: Final = ("ppo", "sac", "tqc")
 _OTHERS: Final = (("#6F9E9B", "X"), ("#8C6D31", "h"), ("#A0527A", "*"))
@@ -90,7 +88,7 @@ def plot_learning(results: Results) -> Figure | None:
 
     dashed = [Line2D([], [], color=INK, lw=1.0, ls=DASHES, label="reference, test contexts")]
     handles = _lines(results.curves) + (dashed if levels.notna().any() else [])
-    return _panels(results.curves, draw, "simulated descents or flights", "mean reward", handles)
+    return _panels(results.curves, draw, "simulated descents", "mean reward", handles)
 
 
 def plot_regret(results: Results) -> Figure | None:

@@ -129,11 +129,6 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     )
 
 
-def actions_of(problem: Problem, table: pd.DataFrame) -> Floats:
-    """Return the best launches of a table of :func:`best_launches`, shape (n, k)."""
-    return np.asarray(table[_columns(problem)], np.float64)
-
-
 def rewards_of(problem: Problem, contexts: Contexts, launches: ArrayLike) -> Floats:
     """Return what launches of shape (n, k) earn in contexts in the mean of the draws that judge agents, shape (n,).
 

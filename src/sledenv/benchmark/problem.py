@@ -19,17 +19,19 @@ from sledenv.envs.columns import USUAL
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
-from sledenv.scenarios import Track
+from sledenv.scenarios import Track, track_names
 from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.rules import checked_seed
+from sledenv.simulation.rules import checked_choice, checked_seed
 from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 
 Environment = Literal["launch", "descent"]
+HeldOut = Literal["test", "shifted", "tracks"]
+"""Contexts to judge in: those of the test split, shifted ones, or test contexts spread over the tracks made by hand."""
 ENVIRONMENTS: Final = {"launch": LAUNCH_ID, "descent": DESCENT_ID}
 _A_TRIAL: Final = 400  # bytes, of its context, its launch and its outcome
 TRIALS: Final = 64  # draws of the launch noise with which a launch is judged in each context
@@ -63,8 +65,8 @@ class Planner(Protocol):
         ...
 
 
-class Agent(Policy, Protocol):
-    """What can be trained and judged: a policy or a :class:`Planner`, and how it comes about.
+class Agent(Protocol):
+    """How a :class:`Policy` or a :class:`Planner` comes about that can be trained.
 
     A suite names the module whose class ``Agent`` it is; docs/benchmark.md shows a complete one.
     """
@@ -184,6 +186,21 @@ class Problem:
         """
         self.must_be("descent", "a track made by hand")
         return self._seen_here(self.scenario.on(track))
+
+    def held_out(self, which: HeldOut) -> dict[str, Problem]:
+        """Return the problems of a set of held-out contexts: of n problems, context i belongs to number i mod n.
+
+        Of "tracks" they are those of all tracks made by hand, by their names; else it is one, whose name is empty.
+
+        Raises
+        ------
+        ValueError
+            If there is no such set, or it is no ride over ground where "tracks" are asked for.
+        """
+        checked_choice("held_out", which, get_args(HeldOut))
+        if which == "tracks":
+            return {name: self.on(name) for name in track_names()}
+        return {"": self.shifted() if which == "shifted" else self}
 
     def _seen_here(self, scenario: Scenario) -> Problem:
         """Return the problem of another scenario, seen on the scales of this one."""
@@ -311,7 +328,7 @@ class Problem:
             means[rows] = batch.jam.reward.reshape(len(rows), many).mean(axis=1)
         return means.reshape(count, tried)
 
-    def judge(self, agent: Policy | Planner, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def judge(self, agent: Policy | Planner | Agent, trials: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Simulate what an agent does in contexts, on all cores.
 
         Parameters
@@ -345,7 +362,7 @@ class Problem:
         batch, trims = self.ride(agent, contexts)
         return batch, np.nan_to_num(trims[::many, :1])
 
-    def ride(self, agent: Policy | Planner, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
+    def ride(self, agent: Policy | Planner | Agent, contexts: Contexts) -> tuple[DescentBatch, NDArray[np.float64]]:
         """Follow the rides of an agent to their ends, on all cores.
 
         Parameters
@@ -381,7 +398,7 @@ class Problem:
         return rides.descents(), np.hstack(trims or [np.full((len(contexts), 1), np.nan)])
 
     def _answer(
-        self, agent: Policy | Planner, scenes: Scenes, flights: np.ndarray | None = None
+        self, agent: Policy | Planner | Agent, scenes: Scenes, flights: np.ndarray | None = None
     ) -> NDArray[np.float64]:
         """Return the actions of an agent, shape (n, k), or say whose are wrong and where."""
         whose = f"agent {getattr(agent, 'name', type(agent).__module__)}, scenario {self.scenario.id}"

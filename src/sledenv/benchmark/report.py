@@ -86,8 +86,7 @@ def _worded(group: pd.DataFrame) -> pd.DataFrame:
             ends = zip(group[name], group[f"{name}_low"], group[f"{name}_high"], strict=True)
             named[_WORDS[name]] = [told(value, (low, high), _FORMS[name]) for value, low, high in ends]
     named |= {"finished": group["finished"].map("{:.1%}".format), "on a bound": group["on_bound"].map("{:.1%}".format)}
-    flights = "training descents" if group["environment"].iloc[0] == "launch" else "training flights"
-    named |= {flights: group["descents"].map("{:,.0f}".format)}
+    named |= {"training descents": group["descents"].map("{:,.0f}".format)}
     return pd.DataFrame(named | {"training CPU [s]": group["train_cpu_seconds"].map("{:,.1f}".format)})
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import sqlite3
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Final, NamedTuple
 
 import pandas as pd
 
+from sledenv.benchmark.problem import TRIALS
 from sledenv.benchmark.references import reference
-from sledenv.benchmark.suite import Suite
+from sledenv.benchmark.runs import meant
+from sledenv.benchmark.suite import Job, Suite
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.jam import DescentJam
-from sledenv.simulation.records import LOSSES
+from sledenv.simulation.records import LIBRARY, LOSSES
 
 FILE: Final = "results.sqlite"
 PROBLEM: Final = ["environment", "scenario"]
@@ -49,28 +53,34 @@ class Store:
     def __init__(self, connection: sqlite3.Connection) -> None:
         self._connection = connection
 
-    def keep(self, keys: Collection[str]) -> set[str]:
-        """Delete the rows of all other jobs and return the keys of those that are done."""
+    def done(self) -> set[str]:
+        """Return the keys of the jobs that are done."""
         with self._connection as transaction:
             for name, columns in COLUMNS.items():
                 named = ", ".join(f'"{column}"' for column in columns)
                 transaction.execute(f"CREATE TABLE IF NOT EXISTS {name} ({named})")
-            done = {key for (key,) in transaction.execute("SELECT key FROM runs")}
-            for name in COLUMNS:
-                stale = [(key,) for key in done.difference(keys)]
-                transaction.executemany(f"DELETE FROM {name} WHERE key = ?", stale)
-        return done.intersection(keys)
+            return {key for (key,) in transaction.execute("SELECT key FROM runs")}
 
     def add(self, tables: Mapping[str, pd.DataFrame]) -> None:
-        """Write all that a finished job has found, or nothing of it.
+        """Write all that a finished job has found in place of what the same job had found, or nothing of it.
 
         The rows are not written by ``DataFrame.to_sql``, which ends the transaction with every table.
         """
+        job = tables["runs"][[*AGENT, "seed"]].iloc[0].tolist()
+        same = " AND ".join(f"{column} = ?" for column in (*AGENT, "seed"))
         with self._connection as transaction:
             for name, table in tables.items():
+                transaction.execute(f"DELETE FROM {name} WHERE {same}", job)
                 places = ", ".join("?" * len(COLUMNS[name]))
                 rows = table[COLUMNS[name]].itertuples(index=False, name=None)
                 transaction.executemany(f"INSERT INTO {name} VALUES ({places})", rows)
+
+
+def key_of(suite: Suite, job: Job) -> str:
+    """Return a digest of the name of a job and of all that its numbers depend on."""
+    content = [job.name, meant(job.module, job.problem(), job.settings, job.seed), suite.contexts, TRIALS]
+    content += [DescentJam._fields, LIBRARY.fingerprint]
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 @contextmanager
@@ -111,13 +121,18 @@ def read_results(suite: Suite, folder: Path) -> Results:
     file = folder / FILE
     if not file.is_file():
         raise FileNotFoundError(f"{folder} holds no results of a benchmark: it has no {FILE}")
+    keys = {key_of(suite, job) for job in suite.jobs()}
     with _connected(file) as connection:
-        judged, curves, runs = (
+        tables = [
             pd.read_sql(f"SELECT * FROM {name}", connection, dtype=dict.fromkeys(empty, float))
-            .sort_values([*AGENT, "seed"], kind="stable", ignore_index=True)
-            .drop(columns="key")
             for name, empty in _MAY_BE_EMPTY.items()
-        )
+        ]
+    judged, curves, runs = (
+        table[table["key"].isin(keys)]
+        .sort_values([*AGENT, "seed"], kind="stable", ignore_index=True)
+        .drop(columns="key")
+        for table in tables
+    )
     if judged.empty:
         raise FileNotFoundError(f"{file} holds no results yet: no job of the suite has ended")
     return Results(beside_references(judged, suite), curves, runs)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import subprocess
 from collections.abc import Iterator
@@ -13,16 +12,15 @@ import numpy as np
 import pandas as pd
 from tqdm import tqdm
 
-from sledenv.benchmark.problem import TRIALS, Agent, Problem
-from sledenv.benchmark.results import STATUSES, opened
-from sledenv.benchmark.runs import agent_class, is_trained, load_run, meant, read_record, train, versions
+from sledenv.benchmark.problem import Agent, Problem
+from sledenv.benchmark.results import STATUSES, key_of, opened
+from sledenv.benchmark.runs import agent_class, is_trained, load_run, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.inputs import Contexts
 from sledenv.machine.blame import blaming
 from sledenv.machine.files import alone
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
-from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY, LOSSES
 from sledenv.simulation.rules import checked_count
 
@@ -41,7 +39,7 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
     suite : Suite
     folder : Path
         Of the results: ``trained/`` holds the agents, ``results.sqlite`` what they did, which
-        :func:`sledenv.benchmark.results.read_results` reads. It holds nothing else than the suite asks for.
+        :func:`sledenv.benchmark.results.read_results` reads.
     workers : int, optional
         Processes, all cores by default; of a cluster all that it has.
     ray : str, optional
@@ -62,13 +60,13 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
         If another process is writing the folder.
     """
     folder = folder.resolve()  # a worker of a cluster may work elsewhere
-    jobs = {_key(suite, job): job for job in suite.jobs()}
+    jobs = {key_of(suite, job): job for job in suite.jobs()}
     run = runner(None if workers is None else checked_count("workers", workers), ray)
     (folder / "trained").mkdir(parents=True, exist_ok=True)
     with alone(folder / ".lock", wait=False), opened(folder) as store:
         LIBRARY.ready()  # made once, if it must be, and not by every worker
         stamp = {"suite": suite.id, "commit": _commit(), "versions": json.dumps(versions())}
-        done = store.keep(jobs)
+        done = store.done().intersection(jobs)
         calls: list[Call] = [
             (_train_and_judge, (job, suite.contexts, folder / "trained" / job.name, stamp | {"key": key}))
             for key, job in jobs.items()
@@ -80,13 +78,6 @@ def run_suite(suite: Suite, folder: Path, *, workers: int | None = None, ray: st
                 bar.set_postfix_str(name, refresh=False)
                 bar.update()
     return folder
-
-
-def _key(suite: Suite, job: Job) -> str:
-    """Return a digest of the name of a job and of all that its numbers depend on."""
-    content = [job.name, meant(job.module, job.problem(), job.settings, job.seed), suite.contexts, TRIALS]
-    content += [DescentJam._fields, LIBRARY.fingerprint]
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:16]
 
 
 def _train_and_judge(

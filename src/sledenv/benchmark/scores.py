@@ -16,6 +16,7 @@ Interval = tuple[float, float]
 
 MEASURES: Final = ("reward", "falls", "ratio")  # what every table leads with, each with its interval
 _RESAMPLES: Final = 2000
+_MANY: Final = 3000  # contexts
 _SAME: Final = 1e-12  # values that differ by less have nothing to resample
 
 
@@ -60,9 +61,9 @@ def ratio_interval(values: ArrayLike, lower: ArrayLike) -> Interval:
         return np.asarray(rows.mean(axis) / base[contexts].mean(axis))
 
     samples = [np.arange(count) for count in table.shape if count > 1]
-    found = bootstrap(
-        samples, resampled, n_resamples=_RESAMPLES, batch=500, vectorized=True, rng=np.random.default_rng(0)
-    )
+    method: Any = "BCa" if base.size <= _MANY else "percentile"  # the first takes the square of the contexts
+    options: dict[str, Any] = {"n_resamples": _RESAMPLES, "batch": 500 if base.size <= _MANY else 20, "method": method}
+    found = bootstrap(samples, resampled, vectorized=True, rng=np.random.default_rng(0), **options)
     return float(found.confidence_interval.low), float(found.confidence_interval.high)
 
 
@@ -134,15 +135,17 @@ def _score(group: pd.DataFrame) -> dict[str, Any]:
     reward, falls, lower = (
         group.pivot(index="seed", columns="context", values=name).to_numpy() for name in ("reward", "tumbled", "lower")
     )
-    base, whole = lower[0], bool(lower.mean() > 0.0)  # NaN without a reference of every context
+    known = ~np.isnan(lower[0])  # there may be a reference of the first contexts alone
+    base, has = lower[0, known], bool(known.any() and lower[0, known].mean() > 0.0)
     ends = {"reward": mean_interval(reward), "falls": share_interval(falls)}
-    ends["ratio"] = ratio_interval(reward, base) if whole else (np.nan, np.nan)
-    means = {"reward": reward.mean(), "falls": falls.mean(), "ratio": reward.mean() / base.mean() if whole else np.nan}
-    row: dict[str, Any] = {"seeds": len(reward), "contexts": len(base)}
+    ends["ratio"] = ratio_interval(reward[:, known], base) if has else (np.nan, np.nan)
+    ratio = reward[:, known].mean() / base.mean() if has else np.nan
+    means = {"reward": reward.mean(), "falls": falls.mean(), "ratio": ratio}
+    row: dict[str, Any] = {"seeds": len(reward), "contexts": reward.shape[1]}
     for name in MEASURES:
         row |= {name: float(means[name]), f"{name}_low": ends[name][0], f"{name}_high": ends[name][1]}
     row |= {"finished": group["finish"].mean(), "on_bound": group["on_bound"].mean()}
-    return row | {name: group[name].mean(skipna=False) for name in REFERENCE}
+    return row | {name: group[name].mean() for name in REFERENCE}
 
 
 def decomposition(judged: pd.DataFrame) -> pd.DataFrame:

@@ -233,7 +233,7 @@ def play(
     ----------
     runs
         Folder of a trained agent that rides beside you, or the name of one that ships; may be repeated (default: those
-        that ship for the scenario, or else the one that looks ahead).
+        that ship for the scenario).
     tracks
         Ride on the tracks made by hand in place of the slopes of the scenario, in the context of the seed.
     html
