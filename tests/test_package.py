@@ -50,9 +50,10 @@ PROGRAM = """
 import sys
 from pathlib import Path
 import sledenv
-from sledenv.agents.train import ALGORITHMS, chosen_settings
+from sledenv.agents.train import ALGORITHMS
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import agent_class, load_run
+from sledenv.benchmark.references import reference
+from sledenv.benchmark.runs import SETTINGS, agent_class, load_run, read_settings
 from sledenv.benchmark.suite import Suite
 from sledenv.pages.replay import replay_page
 from sledenv.scenarios.scenario import load_scenario, scenario_names
@@ -66,8 +67,9 @@ for name in suites:
     assert list(Suite.load(name).jobs()), name
 for name in ALGORITHMS:
     assert agent_class(f"sledenv.agents.{name}").__module__.startswith("sledenv.agents.")
-assert chosen_settings("sac", Problem("sled_snow"))
-for run in ("sled_mat-launch-spin-critic-s0", "sled_snow-launch-orientation+speed-critic-s0"):
+assert read_settings(SETTINGS, "sledenv.agents.sac", "launch")
+assert reference(Problem("sled_rollers", "descent")) is not None
+for run in ("sled_mat-launch-spin-critic-s0", "sled_snow-launch-orientation-critic-s0"):
     problem, agent, config = load_run(Path(run))
     context = problem.contexts("test", 1)
     assert agent.act(problem.task.observe(context)).shape == (1, problem.actions), run
