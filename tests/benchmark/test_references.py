@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas as pd
 import pytest
+import yaml
 
 from sledenv.agents import freeze as making
 from sledenv.agents.freeze import PLANNERS, main
@@ -13,6 +14,10 @@ from sledenv.benchmark.evaluation import evaluate, evaluation_of
 from sledenv.benchmark.oracle import best_launches
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.references import FOLDER, freeze, reference
+from sledenv.benchmark.results import read_results
+from sledenv.benchmark.runner import run_suite
+from sledenv.benchmark.scores import scores
+from sledenv.benchmark.suite import Suite
 from sledenv.scenarios.scenario import load_scenario, scenario_names
 
 PLAYED = [name for name in scenario_names() if "paper" not in load_scenario(name).tags]
@@ -114,3 +119,18 @@ def test_a_scenario_is_frozen_set_by_set(tmp_path, monkeypatch, capsys):
     before = (tmp_path / "sled_kickers.parquet").stat().st_mtime_ns
     assert main(few) == 0
     assert (tmp_path / "sled_kickers.parquet").stat().st_mtime_ns == before
+
+
+def test_a_suite_is_put_beside_the_references_that_ship(tmp_path):
+    """Oracle: the table itself, context by context."""
+    content = {"id": "tiny", "title": "A test", "contexts": 6, "scenarios": ["sled_kickers"]}
+    content["agents"] = {"descent": {"sledenv.agents.zero": 1, "sledenv.agents.land_parallel": 1}}
+    (tmp_path / "tiny.yaml").write_text(yaml.safe_dump(content))
+    suite = Suite.load(str(tmp_path / "tiny.yaml"))
+    found = read_results(suite, run_suite(suite, tmp_path / "out", workers=1))
+    lower = reference(Problem("sled_kickers", "descent"))["lower"]
+    assert len(found.judged) == 12
+    assert found.judged["lower"].tolist() == lower[found.judged["context"]].tolist()
+    table = scores(found).set_index("agent")
+    zero = found.judged[found.judged["agent"] == "zero"]
+    assert table.loc["zero", "ratio"] == pytest.approx(zero["reward"].mean() / zero["lower"].mean())

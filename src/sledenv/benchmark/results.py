@@ -145,7 +145,7 @@ def beside_references(judged: pd.DataFrame, suite: Suite) -> pd.DataFrame:
         problem = suite.problem(scenario, environment)
         if (table := reference(problem)) is not None:
             named = {"environment": environment, "scenario_hash": problem.scenario.hash, "context": table.index}
-            found.append(table[REFERENCE].assign(**named))
+            found.append(table.reset_index(drop=True)[REFERENCE].assign(**named))
     references = pd.concat(found[1:] or found).astype({"context": int} | dict.fromkeys(REFERENCE, float))
     return judged.merge(references, "left", ["environment", "scenario_hash", "context"], validate="many_to_one")
 
