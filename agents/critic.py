@@ -109,7 +109,7 @@ class Search:
     def __init__(self, problem: Problem, blur: float, spacing: float, most: int) -> None:
         width = problem.actions
         count = min(round((2.0 / (spacing * blur)) ** width), most)
-        self._features = features_of(problem)
+        self.features = features_of(problem)
         if width == 1:
             spread = np.linspace(-1.0, 1.0, count)[:, np.newaxis]
         else:
@@ -122,7 +122,7 @@ class Search:
     def best(self, critic: Critic, observations: Floats) -> tuple[Floats, Floats]:
         """Return the best actions and what they are expected to earn, shapes (n, k) and (n,)."""
         parts = np.array_split(observations, max(1, math.ceil(len(observations) / _BLOCK)))
-        ratings = np.concatenate([critic.rate(self._features, part, self.actions) @ self._near for part in parts])
+        ratings = np.concatenate([critic.rate(self.features, part, self.actions) @ self._near for part in parts])
         return self.actions[ratings.argmax(axis=1)], ratings.max(axis=1)
 
 
@@ -153,7 +153,7 @@ class Episodes:
         self._lanes, self._steps = settings["n_envs"], settings["n_steps"]
         self._anywhere, self._near, self._width = settings["anywhere"], settings["near"], settings["near_width"]
         self._rng = np.random.default_rng(seed)
-        self._features, self._search = features_of(problem), Search(problem, settings["blur"], *_TRAINING)
+        self._search = Search(problem, settings["blur"], *_TRAINING)
         self._spacing = 2.0 / len(self._search.actions) ** (1.0 / problem.actions)
         kind = SledDescentVector if problem.environment == "descent" else SledLaunchVector
         kwargs = problem.env_kwargs | {"split": "train", "info": (), "autoreset_mode": AutoresetMode.SAME_STEP}
@@ -173,7 +173,7 @@ class Episodes:
             actions, best[step], expected[step] = self._chosen(critic)
             if step == steps:
                 break
-            told.append((self._seen, self._features.of_actions(self._seen, actions[:, np.newaxis])))
+            told.append((self._seen, self._search.features.of_actions(self._seen, actions[:, np.newaxis])))
             self._seen, rewards[step], ended[step], _, _ = self._env.step(actions)
         self.ended += int(ended.sum())
         earned, after = np.zeros_like(rewards), expected[-1]

@@ -42,15 +42,18 @@ _Count = Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)
 
 
 def chosen(problem: Problem, told: Any) -> str:
-    """Return the name of the planner that earns most in the contexts of validation."""
+    """Return the name of the planner that earns most in the contexts of validation, of those whose critic there is."""
     contexts, earned = problem.drawn(problem.contexts("validation", _VALIDATED), "validation"), {}
     for name, settings in PLANNERS.items():
+        try:
+            planner = Agent(problem, **settings)
+        except (FileNotFoundError, ValueError) as error:
+            told(f"{problem.scenario.id}, {name}: left out, {error}")
+            continue
         begun = time.process_time()
-        earned[name] = float(problem.judge(Agent(problem, **settings), contexts)[0].jam.reward.mean())
-        told(
-            f"{problem.scenario.id}, {len(contexts)} validation contexts, {name}: {earned[name]:.4f}"
-            f" in {time.process_time() - begun:.0f} CPU s"
-        )
+        earned[name] = float(problem.judge(planner, contexts)[0].jam.reward.mean())
+        took = f"in {time.process_time() - begun:.0f} CPU s"
+        told(f"{problem.scenario.id}, {len(contexts)} validation contexts, {name}: {earned[name]:.4f} {took}")
     first, best = next(iter(earned)), max(earned, key=earned.__getitem__)
     return best if earned[best] > earned[first] + _MORE else first
 

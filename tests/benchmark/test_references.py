@@ -47,7 +47,8 @@ def test_what_is_frozen_is_read_where_everything_agrees(tmp_path):
     assert reference(problem, "tracks", tmp_path) is not None
     noisy = Problem("sled_kickers", "descent", launch_noise=(0.0, 0.0))
     freeze(noisy, "test", known(0.1), "mine", tmp_path)
-    assert reference(problem, folder=tmp_path) is None, "of two versions the later stays"
+    assert reference(problem, folder=tmp_path) is not None
+    assert reference(noisy, folder=tmp_path)["lower"].iloc[0] == 0.1
 
 
 def test_a_score_is_told_beside_what_can_be_expected():
@@ -74,6 +75,9 @@ def test_every_scenario_has_its_references(scenario):
     test = reference(problem)
     assert test is not None, f"python -m sledenv.agents.freeze {scenario}"
     assert test.index.tolist() == list(range(len(test)))
+    sets = ("test", "shifted", "tracks") if environment == "descent" else ("test",)
+    kept = len(pd.read_parquet(FOLDER / f"{scenario}.parquet"))
+    assert kept == sum(len(reference(problem, one)) for one in sets), "rows of another version of the scenario"
     assert len(test) == (1000 if environment == "descent" else 200)
     assert test["lower"].between(0.0, 1.0).all()
     if environment == "descent":
@@ -103,7 +107,8 @@ def test_the_best_launches_that_ship_are_found_now():
 
 def test_a_scenario_is_frozen_set_by_set(tmp_path, monkeypatch, capsys):
     """Oracle: the planner, ridden by hand; a set that is known is not ridden again."""
-    monkeypatch.setattr(making, "PLANNERS", {"short": {"spins": [3]}, "shorter": {"spins": [2]}})
+    planners = {"short": {"spins": [3]}, "shorter": {"spins": [2]}, "of nobody": {"spins": [2], "critic": "nobody"}}
+    monkeypatch.setattr(making, "PLANNERS", planners)
     monkeypatch.setattr(making, "_VALIDATED", 8)
     few = ["sled_kickers", "--contexts", "4", "--knowing", "2", "--out", str(tmp_path)]
     assert main(few) == 0
@@ -115,7 +120,7 @@ def test_a_scenario_is_frozen_set_by_set(tmp_path, monkeypatch, capsys):
         found = reference(problem, held_out, tmp_path)
         assert found["lower"].tolist() == evaluation_of(problem, planner, 4, "mine", held_out).rewards.tolist()
     assert reference(problem, folder=tmp_path)["clairvoyant"].notna().tolist() == [True, True, False, False]
-    capsys.readouterr()
+    assert "of nobody: left out, nobody: there is no such run" in capsys.readouterr().err
     before = (tmp_path / "sled_kickers.parquet").stat().st_mtime_ns
     assert main(few) == 0
     assert (tmp_path / "sled_kickers.parquet").stat().st_mtime_ns == before

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from functools import cache
 from pathlib import Path
-from typing import Any, Final, get_args
+from typing import Any, Final
 
 import numpy as np
 import pandas as pd
@@ -39,7 +39,7 @@ def reference(problem: Problem, held_out: HeldOut = "test", folder: Path = FOLDE
 
 
 def freeze(problem: Problem, held_out: HeldOut, table: pd.DataFrame, policy: str, folder: Path = FOLDER) -> Path:
-    """Write what is known of held-out contexts, in place of what was known of them; what fits no more goes.
+    """Write what is known of held-out contexts, in place of what was known of them.
 
     Parameters
     ----------
@@ -53,17 +53,12 @@ def freeze(problem: Problem, held_out: HeldOut, table: pd.DataFrame, policy: str
     path = folder / f"{problem.scenario.id}.parquet"
     rows, known = table.reset_index(names="context").assign(**_keys(problem, held_out), policy=policy), _frozen(path)
     if known is not None:
-        others = [one for one in get_args(HeldOut) if one != held_out and (one != "tracks" or _is_ride(problem))]
-        rows = pd.concat([*(known[_fits(known, problem, one)] for one in others), rows], ignore_index=True)
+        rows = pd.concat([known[~_fits(known, problem, held_out)], rows], ignore_index=True)
     folder.mkdir(parents=True, exist_ok=True)
     with replacing(path, ".parquet") as part:
         rows.to_parquet(part, index=False)
     _frozen.cache_clear()
     return path
-
-
-def _is_ride(problem: Problem) -> bool:
-    return problem.environment == "descent" and problem.scenario.is_ride
 
 
 def _fits(table: pd.DataFrame, problem: Problem, held_out: HeldOut) -> Any:
