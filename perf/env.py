@@ -34,8 +34,8 @@ _PART = 0.1  # CPU time [s] of a turn, at least
 _BANK = 4096  # scenes that the bare simulator takes at random
 _WARM = 16  # steps before the first turn: then lanes are no longer all in the same flight
 _USUAL: dict[str, dict[str, Any]] = {"": {}, ", info=()": {"info": ()}}
-_LANDINGS = {", info=(), landings too": {"info": (), "columns": ("context", "state", "ground", "landing")}}
-_OPTIONS = {"SledLaunch": _USUAL, "SledDescent": _USUAL | _LANDINGS}
+_LESS = {", info=(), no landings": {"info": (), "columns": ("context", "state", "ground")}}
+_OPTIONS = {"SledLaunch": _USUAL, "SledDescent": _USUAL | _LESS}
 
 
 def _parts(run: Callable[[], Any], lanes: int) -> Callable[[], Any]:

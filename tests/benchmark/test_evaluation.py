@@ -92,7 +92,7 @@ def test_the_scenario_says_what_is_asked():
     sledenv.evaluate(seeing("both", 2), "sled_mat", 2, control="both")
     sledenv.evaluate(seeing("plane", 1), "sled_mat", 2, environment="descent")
     sledenv.evaluate(seeing("launch", 2), RIDE, 2, environment="launch", control="both")
-    assert widths == {"rollers": 52, "snow": 11, "both": 11, "plane": 22, "launch": 35}
+    assert widths == {"rollers": 99, "snow": 11, "both": 11, "plane": 29, "launch": 35}
 
 
 def test_the_contexts_are_the_first_ones_for_every_number_and_every_policy():
@@ -241,8 +241,8 @@ SPACE = Problem("sled_rollers", "descent").task.observation_space
 class Model:
     """Has the spaces of a model."""
 
-    def __init__(self, seen: int = 52, acts: int = 1, **given: Any) -> None:
-        self.observation_space = SPACE if seen == 52 else spaces.Box(-1.0, 1.0, (seen,), np.float32)
+    def __init__(self, seen: int = 99, acts: int = 1, **given: Any) -> None:
+        self.observation_space = SPACE if seen == 99 else spaces.Box(-1.0, 1.0, (seen,), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (acts,), np.float32)
         vars(self).update(given)
 
@@ -275,17 +275,17 @@ class Broken:
         (None, {}, "policy = None: must be a function of observations, an object with predict or act, or the"),
         (Model, {}, "policy = <class"),
         (
-            Model(observation_space=spaces.Box(-1.0, 1.0, (52,))),
+            Model(observation_space=spaces.Box(-1.0, 1.0, (99,))),
             {},
             "policy.observation_space has other bounds: must be",
         ),
         (
             Model(22),
             {},
-            "policy.observation_space has shape (22,): must be (52,) of sledenv/SledDescent-v0 in sled_rollers",
+            "policy.observation_space has shape (22,): must be (99,) of sledenv/SledDescent-v0 in sled_rollers",
         ),
         (
-            Model(52, 2),
+            Model(99, 2),
             {},
             "policy.action_space has shape (2,): must be (1,) of sledenv/SledDescent-v0 in sled_rollers",
         ),
@@ -293,9 +293,9 @@ class Broken:
         (
             Model(),
             {"normalize": SimpleNamespace(normalize_obs=still, observation_space=spaces.Box(-1, 1, (22,)))},
-            "normalize.observation_space has shape (22,): must be (52,)",
+            "normalize.observation_space has shape (22,): must be (99,)",
         ),
-        (Model(_last_obs=np.full((2, 52), 1.5)), {}, "normalize = None: must be the VecNormalize with which the"),
+        (Model(_last_obs=np.full((2, 99), 1.5)), {}, "normalize = None: must be the VecNormalize with which the"),
         (still, {"tracks": True, "shifted": True}, "tracks = True: must be False where shifted is True"),
         (
             still,

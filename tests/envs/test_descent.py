@@ -145,7 +145,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
 
 def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_ground_around():
     """Oracle: the outcome of the ride, the vertices of its slope one by one; scaled as docs/environments.md says."""
-    env = SledDescent(UNSTEADY)
+    env = SledDescent(UNSTEADY, columns=("context", "state", "ground"))
     task, scenario = env.task, env.task.scenario
     body = task.bodies[0]
     reach, relief = 2 * (8.0 + 6.0 + 1.5 + 6.0), 0.4

@@ -18,7 +18,7 @@ from sledenv.benchmark.problem import Agent, Environment, HeldOut, Planner, Poli
 from sledenv.benchmark.references import reference
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean_interval, ratio_interval, share_interval, told
-from sledenv.envs.columns import USUAL
+from sledenv.envs.columns import GROUPS
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import Scenario, load_scenario
 
@@ -245,7 +245,7 @@ def evaluate(
             raise TypeError("scenario = None: must be the name or the file of a scenario, or a Scenario")
         kind: Environment = environment if environment is not None else "descent" if asked.is_ride else "launch"
         seen: dict[str, Any] = {"observe": "all" if observe is None else observe}
-        seen["columns"] = USUAL if columns is None else columns
+        seen["columns"] = GROUPS if columns is None else columns
         problem = Problem(asked, kind, control, launch_noise=launch_noise, **seen)
         name = _name(policy)
         agent = _as_agent(policy, name, problem, normalize)

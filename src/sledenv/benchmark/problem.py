@@ -15,7 +15,7 @@ from scipy.special import ndtri
 from scipy.stats import qmc
 
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.columns import USUAL
+from sledenv.envs.columns import GROUPS
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
@@ -138,7 +138,7 @@ class Problem:
         solver: Solver = "compliant",
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
-        columns: Sequence[str] = USUAL,
+        columns: Sequence[str] = GROUPS,
     ) -> None:
         if environment not in ENVIRONMENTS:
             known = ", ".join(map(repr, get_args(Environment)))

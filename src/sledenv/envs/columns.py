@@ -20,9 +20,7 @@ from sledenv.simulation.scenes import Scenes
 
 Floats = NDArray[np.float64]
 
-# Groups of columns, in their order, and those that an environment tells unless it is asked for others.
-GROUPS: Final = ("context", "state", "ground", "landing")
-USUAL: Final = GROUPS[:3]
+GROUPS: Final = ("context", "state", "ground", "landing")  # of columns, in their order: what a ride tells of itself
 BOUND: Final = 5.0  # of entries that have no bound of their own: most are within 1, and what is beyond is cut off
 
 
@@ -210,9 +208,9 @@ class Columns:
             ]
         if "landing" in groups:
             parts += [(f"landing_{name}", unit, 0.0, scale, BOUND) for name, unit, _, scale in FORESEEN]
-            rises = np.full(len(PLACES), _RISE)
+            rises, on = np.full(len(PLACES), _RISE), PLACES if reach > 0.0 else PLACES[:0]  # a plane has no others
             for name, unit, scales in (("height", "m", _HEIGHTS * of.relief), ("rise", "rad", rises)):
-                for place, one in zip(PLACES, scales.tolist(), strict=True):
+                for place, one in zip(on, scales[: len(on)].tolist(), strict=True):
                     parts.append((f"landing_{name}_{place:+g}", unit, 0.0, one, BOUND))
         self.names: tuple[str, ...] = tuple(part[0] for part in parts)
         self.units: tuple[str, ...] = tuple(part[1] for part in parts)
@@ -240,7 +238,7 @@ class Columns:
                 values[:, at : at + width] = around.reshape(len(values), width)
                 at += width
             if "landing" in self.groups:
-                values[:, at:] = outlook.landings
+                values[:, at:] = outlook.landings[:, : len(self.names) - at]
         values -= self.middle
         values /= self.scale
         return values

@@ -15,7 +15,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from sledenv.envs.columns import GROUPS, USUAL, Columns
+from sledenv.envs.columns import GROUPS, Columns
 from sledenv.envs.inputs import FIELDS, SEEN, Contexts, Given
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, ScenarioError, Split, check_split, load_scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
@@ -89,8 +89,8 @@ class Task:
     observe : "all" or sequence of str
         Fields of :class:`sledenv.Context` that an agent sees; the others vary as before, but read 0.
     columns : sequence of str
-        Groups of columns that an observation has: of "context", "state", "ground" and "landing", told in this order.
-        A launch has no state and no landing.
+        Groups of columns that an observation has: of "context", "state", "ground" and "landing", told in this order;
+        all by default. A launch has no state and no landing.
 
     Attributes
     ----------
@@ -135,7 +135,7 @@ class Task:
         split: Split | None = None,
         launch_noise: tuple[float, float] | None = None,
         observe: Literal["all"] | Sequence[str] = "all",
-        columns: Sequence[str] = USUAL,
+        columns: Sequence[str] = GROUPS,
     ) -> None:
         scenario = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
         self.scenario = scenario.ride() if ride else scenario
@@ -453,7 +453,7 @@ def _grouped(columns: Sequence[str], ride: bool) -> tuple[str, ...]:
     known = GROUPS if ride else (GROUPS[0], GROUPS[2])
     listed = not isinstance(columns, str) and isinstance(columns, Iterable)
     given = tuple(columns) if listed else ()
-    if not ride and given == USUAL:  # a launch has none of a state
+    if not ride and given == GROUPS:  # all that there are
         return known
     if not given or not all(isinstance(name, str) and name in known for name in given):
         raise ValueError(f"columns = {columns!r}: must be a sequence of any of {', '.join(map(repr, known))}")
