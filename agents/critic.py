@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import sys
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from pathlib import Path
@@ -99,31 +100,40 @@ class Search:
     ----------
     problem : Problem
     blur : float
-        Standard deviation of the actions over which ratings are averaged.
+        Standard deviation of the actions over which ratings are averaged, beside that with which an action is missed.
     spacing : float
-        Of the actions, over the blur.
+        Of the actions, over the standard deviation of both.
     most : int
         How many actions there may be.
     """
 
     def __init__(self, problem: Problem, blur: float, spacing: float, most: int) -> None:
-        width = problem.actions
-        count = min(round((2.0 / (spacing * blur)) ** width), most)
-        self.features = features_of(problem)
+        self.features, width = features_of(problem), problem.actions
+        off = math.hypot(blur, self.features.error)
+        count = min(round((2.0 / (spacing * off)) ** width), most)
         if width == 1:
-            spread = np.linspace(-1.0, 1.0, count)[:, np.newaxis]
+            step = 2.0 / (count - 1)
+            beyond = math.ceil(2.0 * off / step) if self.features.error else 0  # what is done may lie outside
+            rated = step * np.arange(-beyond, count + beyond)[:, np.newaxis] - 1.0
+            asked = rated[beyond : beyond + count]
         else:
-            spread = 2.0 * qmc.Sobol(width, rng=np.random.default_rng(0)).random(count) - 1.0
-        self.actions: Floats = spread.astype(np.float32)
-        apart = np.square(self.actions[:, np.newaxis] - self.actions).sum(axis=-1)
-        near = np.exp(-0.5 * apart / blur**2)
+            rated = asked = 2.0 * qmc.Sobol(width, rng=np.random.default_rng(0)).random(count) - 1.0
+        self.actions: Floats = asked.astype(np.float32)
+        self._rated = rated.astype(np.float32)
+        apart = np.square(rated[:, np.newaxis] - asked).sum(axis=-1)
+        near = np.exp(-0.5 * apart / off**2)
         self._near = (near / near.sum(axis=0)).astype(np.float32)
 
-    def best(self, critic: Critic, observations: Floats) -> tuple[Floats, Floats]:
-        """Return the best actions and what they are expected to earn, shapes (n, k) and (n,)."""
+    def best(self, critics: Sequence[Critic], observations: Floats) -> tuple[Floats, Floats]:
+        """Return the best actions and what critics expect of them in the mean, shapes (n, k) and (n,)."""
         parts = np.array_split(observations, max(1, math.ceil(len(observations) / _BLOCK)))
-        ratings = np.concatenate([critic.rate(self.features, part, self.actions) @ self._near for part in parts])
+        ratings = np.concatenate([self._ratings(critics, part) for part in parts])
         return self.actions[ratings.argmax(axis=1)], ratings.max(axis=1)
+
+    def _ratings(self, critics: Sequence[Critic], observations: Floats) -> Floats:
+        rated = sum(critic.rate(self.features, observations, self._rated) for critic in critics)
+        averaged: Floats = rated @ self._near / np.float32(len(critics))
+        return averaged
 
 
 class Samples(NamedTuple):
@@ -137,9 +147,10 @@ class Samples(NamedTuple):
 class Episodes:
     """Goes on acting in many lanes, mostly as a critic rates best.
 
-    Some actions are drawn from anywhere and some near the best, or nothing would be learned of others. What an action
-    earned is known if all that follow are the best ones; else it is the reward up to the next trial, and from there on
-    what the critic expects of the best, or what the trial earned if that is more.
+    Some actions are drawn from anywhere and some near the best, or nothing would be learned of others. Learned from is
+    the action that was done, where that can be seen, and not the one that was asked for. What it earned is known if all
+    that follow are the best ones; else it is the reward up to the next trial, and from there on what the critic expects
+    of the best.
 
     Parameters
     ----------
@@ -163,7 +174,7 @@ class Episodes:
 
     def sample(self, critic: Critic | None) -> Samples:
         """Act ``n_steps`` times in each lane, without a critic anyhow."""
-        steps, lanes = self._steps, self._lanes
+        steps, lanes, features = self._steps, self._lanes, self._search.features
         rewards, expected = np.zeros((steps, lanes), np.float32), np.zeros((steps + 1, lanes), np.float32)
         ended, best = np.zeros((steps, lanes), bool), np.zeros((steps + 1, lanes), bool)
         told = []
@@ -173,14 +184,18 @@ class Episodes:
             actions, best[step], expected[step] = self._chosen(critic)
             if step == steps:
                 break
-            told.append((self._seen, self._search.features.of_actions(self._seen, actions[:, np.newaxis])))
-            self._seen, rewards[step], ended[step], _, _ = self._env.step(actions)
+            before = self._seen
+            self._seen, rewards[step], ended[step], _, info = self._env.step(actions)
+            after = self._seen.copy()
+            if ended[step].any():
+                after[ended[step]] = np.stack(info["final_obs"][ended[step]])
+            done = features.done(actions, after)
+            told.append((before, features.of_actions(before, done[:, np.newaxis])))
         self.ended += int(ended.sum())
         earned, after = np.zeros_like(rewards), expected[-1]
         for step in reversed(range(steps)):
             earned[step] = rewards[step] + np.where(ended[step], 0.0, after)
-            tried = np.maximum(expected[step], earned[step])
-            after = np.where(best[step] | (critic is None), earned[step], tried)
+            after = np.where(best[step] | (critic is None), earned[step], expected[step])
         seen, inputs = (np.concatenate(part) for part in zip(*told, strict=True))
         return Samples(seen, inputs, earned.ravel())
 
@@ -190,7 +205,7 @@ class Episodes:
         anywhere = rng.uniform(-1.0, 1.0, shape)
         if critic is None:
             return anywhere.astype(np.float32), np.zeros(self._lanes, bool), np.zeros(self._lanes, np.float32)
-        actions, expected = self._search.best(critic, self._seen)
+        actions, expected = self._search.best([critic], self._seen)
         within = actions + 0.5 * self._spacing * rng.uniform(-1.0, 1.0, shape)  # half of the way to the next
         near = actions + self._width * rng.standard_normal(shape)
         kind = rng.random((self._lanes, 1))
@@ -200,45 +215,54 @@ class Episodes:
 
 
 class Agent:
-    """Does what its critic rates best of always the same actions: it is a function of what it sees."""
+    """Does what its critics rate best in the mean, of always the same actions: it is a function of what it sees."""
 
-    def __init__(self, problem: Problem, critic: Critic) -> None:
-        self._critic, self._search = critic, Search(problem, float(critic.blur), *_ACTING)
+    def __init__(self, problem: Problem, critics: Sequence[Critic]) -> None:
+        self._critics, self._search = critics, Search(problem, float(critics[0].blur), *_ACTING)
 
     @classmethod
     def train(cls, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> Self:
-        """Act and learn by turns, both at the same time: actions follow the critic of the turn before.
+        """Train critics, each in lanes of its own: what one overrates by chance the others do not.
 
-        The network that earns most on the validation contexts is kept.
+        A critic acts and learns by turns, both at the same time: actions follow the network of the turn before. The
+        network that earns most on the validation contexts is kept.
 
         Parameters
         ----------
         problem : Problem
         settings : dict
-            ``n_timesteps`` steps, ``n_steps`` a turn in each of ``n_envs`` lanes; the shares of actions that are tried
-            ``anywhere`` and ``near`` the best, these with a standard deviation of ``near_width``; the last ``memory``
-            steps are learned from, each ``n_epochs`` times in the mean; ``batch_size``, ``learning_rate`` (falls to 0
-            as a cosine), ``net_arch``, ``bins``, ``blur`` and ``checks``, how often the policy is validated.
+            ``n_timesteps`` steps, shared by so many ``critics``; ``n_steps`` a turn in each of ``n_envs`` lanes; the
+            shares of actions that are tried ``anywhere`` and ``near`` the best, these with a standard deviation of
+            ``near_width``; the last ``memory`` steps are learned from, each ``n_epochs`` times in the mean; ``batch_size``, ``learning_rate`` (falls to 0
+            as a cosine), ``net_arch``, ``bins``, ``blur`` and ``checks``, how often each critic is validated.
         seed : int
-            Of the network, the contexts and the actions; equal seeds give equal agents.
+            Of the networks, the contexts and the actions; equal seeds give equal agents.
         folder : Path
             Where the weights and the learning curve are written.
         """
-        torch.manual_seed(seed)
         torch.set_num_threads(1)  # the other cores simulate
+        curve, count = Curve(problem, folder), settings["critics"]
+        steps = math.ceil(settings["n_timesteps"] / count)
+        critics = [cls._trained(problem, settings, steps, seed * count + i, curve) for i in range(count)]
+        _write(critics, folder / _FILE)
+        return cls.load(problem, folder)
+
+    @classmethod
+    def _trained(cls, problem: Problem, settings: dict[str, Any], steps: int, seed: int, curve: Curve) -> Critic:
+        torch.manual_seed(seed)
         width = problem.task.observation_space.shape[0]
         layers, bins, blur = settings["net_arch"], settings["bins"], settings["blur"]
         critic = Critic(width, features_of(problem).width, layers, bins, blur)
-        turns = max(2, math.ceil(settings["n_timesteps"] / (settings["n_envs"] * settings["n_steps"])))
+        turns = max(2, math.ceil(steps / (settings["n_envs"] * settings["n_steps"])))
         episodes, learner = Episodes(problem, settings, seed), _Learner(critic, settings, turns, seed)
-        curve, best, most = Curve(problem, folder), learner.averaged, -1.0
+        best, most = learner.averaged, -1.0
         with ThreadPoolExecutor(1) as pool:
             coming = pool.submit(episodes.sample, None)
             for turn in range(turns):
                 learner.add(coming.result())
                 known = copy.deepcopy(learner.averaged)
                 if turn % max(1, turns // settings["checks"]) == 0 or turn == turns - 1:  # while nothing else runs
-                    check = curve.check(cls(problem, known), episodes.ended)
+                    check = curve.check(cls(problem, [known]), episodes.ended)
                     if check.mean_reward > most:
                         best, most = known, check.mean_reward
                     if sys.stderr.isatty():
@@ -246,31 +270,32 @@ class Agent:
                 if turn + 1 < turns:
                     coming = pool.submit(episodes.sample, known if turn else None)
                     learner.learn()
-        _write(best, folder / _FILE)
-        return cls.load(problem, folder)
+        return best
 
     @classmethod
     def load(cls, problem: Problem, folder: Path) -> Self:
-        """Read the critic of a run.
+        """Read the critics of a run.
 
         Raises
         ------
         ValueError
             If its file cannot be read, or a weight is no finite number: whatever is rated by it would be tried first.
         """
-        state = _read(folder / _FILE)
-        *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
-        critic = Critic(state["seen.weight"].shape[1], state["action.weight"].shape[1], layers, bins, 0.0)
-        critic.load_state_dict(state)
-        return cls(problem, critic)
+        critics = []
+        for state in _read(folder / _FILE):
+            *layers, bins = (len(value) for name, value in state.items() if name.endswith("bias"))
+            critic = Critic(state["seen.weight"].shape[1], state["action.weight"].shape[1], layers, bins, 0.0)
+            critic.load_state_dict(state)
+            critics.append(critic)
+        return cls(problem, critics)
 
     def act(self, observations: Floats) -> Floats:
         """Return actions of shape (n, k)."""
-        return self._search.best(self._critic, observations)[0]
+        return self._search.best(self._critics, observations)[0]
 
     def expected(self, observations: Floats) -> Floats:
-        """Return what it expects to earn from now on, shape (n,)."""
-        return self._search.best(self._critic, observations)[1]
+        """Return what they expect to earn from now on, shape (n,)."""
+        return self._search.best(self._critics, observations)[1]
 
 
 class _Learner:
@@ -327,19 +352,25 @@ def _averaged(means: Any, weights: Any, count: Any) -> None:
         mean.lerp_(weight, 1.0 - kept)
 
 
-def _write(critic: Critic, path: Path) -> None:
-    """Write a critic as plain arrays of half precision: nothing that could run when it is read."""
-    arrays = {name: value.numpy() for name, value in critic.state_dict().items()}
+def _write(critics: Sequence[Critic], path: Path) -> None:
+    """Write critics as plain arrays of half precision: nothing that could run when it is read."""
+    states = enumerate(critic.state_dict() for critic in critics)
+    arrays = {f"{i}.{name}": value.numpy() for i, state in states for name, value in state.items()}
     np.savez_compressed(path, **{name: one.astype(np.float16) if one.ndim else one for name, one in arrays.items()})
 
 
-def _read(path: Path) -> dict[str, torch.Tensor]:
+def _read(path: Path) -> list[dict[str, torch.Tensor]]:
+    """Return the weights of each critic."""
+    states: dict[str, dict[str, torch.Tensor]] = {}
     try:
         with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-            state = {name: torch.from_numpy(arrays[name].astype(np.float32)) for name in arrays.files}
+            for name in arrays.files:
+                number, _, part = name.partition(".")
+                states.setdefault(number, {})[part] = torch.from_numpy(arrays[name].astype(np.float32))
     except (OSError, EOFError, ValueError, BadZipFile) as error:
         raise ValueError(f"{path} cannot be read: {error}") from error
-    wrong = [name for name, value in state.items() if not value.isfinite().all()]
-    if wrong:
-        raise ValueError(f"{path}: {wrong[0]} has weights that are no finite numbers")
-    return state
+    for number, state in states.items():
+        wrong = [name for name, value in state.items() if not value.isfinite().all()]
+        if wrong:
+            raise ValueError(f"{path}: {number}.{wrong[0]} has weights that are no finite numbers")
+    return list(states.values())

@@ -11,7 +11,7 @@ from sledenv.benchmark.problem import Agent, Problem
 from sledenv.envs.inputs import Contexts
 
 FILE: Final = "learning_curve.csv"
-_CONTEXTS: Final = 128
+_CONTEXTS: Final = 512
 
 
 class Check(NamedTuple):

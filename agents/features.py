@@ -27,6 +27,11 @@ class Features(Protocol):
     """Inputs of a network, of observations and of actions."""
 
     width: int  # of those of an action
+    error: float  # standard deviation with which an action is missed, 0 where nobody sees what was done
+
+    def done(self, actions: Floats, after: Floats) -> Floats:
+        """Return what was done where such actions were asked for, shape (n, k), as what is seen after them tells."""
+        ...
 
     def of_actions(self, observations: Floats, actions: Floats) -> Floats:
         """Return the inputs of actions of shape (n, m, k), as (n, m, width), in what is seen, shape (n, j)."""
@@ -47,20 +52,27 @@ class RideFeatures:
     Raises
     ------
     ValueError
-        If the observations of the problem have no context or no landing.
+        If the observations of the problem have no context, no state or no landing.
     """
 
     def __init__(self, problem: Problem) -> None:
         task, rider = problem.task, problem.scenario.rider
-        for group in ("context", "landing"):
+        for group in ("context", "state", "landing"):
             if group not in task.groups:
                 raise ValueError(f"columns = {task.groups!r}: must have {group!r}, which the critic of rides reads")
         self._task = task
         self._most = np.float32(0.0 if rider is None else rider.trim_rad_s)
+        self.error = 0.0 if rider is None else rider.noise_rad_s / rider.trim_rad_s
         self._ends = np.array([_ends(body) for body in task.bodies], np.float32)
         self._lying = np.array([support_heights(body, np.zeros(1))[0] for body in task.bodies], np.float32)
         self._places = np.sort(np.append(PLACES, 0.0)).astype(np.float32)
         self.width = 3 + 2 * len(_TURNS) + 6
+
+    def done(self, actions: Floats, after: Floats) -> Floats:
+        if self.error == 0.0:
+            return actions
+        lent: Floats = self._task.columns.values(after)["trim"][:, np.newaxis].astype(np.float32) / self._most
+        return lent
 
     def of_actions(self, observations: Floats, actions: Floats) -> Floats:
         seen = self._task.columns.values(observations)
@@ -85,10 +97,15 @@ class RideFeatures:
 class LaunchFeatures:
     """Tells a launch by its first touch on a plane: pose, time, arms of the contact, approach, slip and spin."""
 
+    error = 0.0
+
     def __init__(self, problem: Problem) -> None:
         self._task = problem.task
         self._gravity = problem.scenario.slope_section.gravity_m_s2
         self.width = problem.actions + 2 * len(_TURNS) + 6
+
+    def done(self, actions: Floats, after: Floats) -> Floats:
+        return actions
 
     def of_actions(self, observations: Floats, actions: Floats) -> Floats:
         task, (lanes, many, width) = self._task, actions.shape

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.special import ndtr
 
 from sledenv.agents import curve
 from sledenv.agents.critic import _ACTING, _BLOCK, Agent, Critic, Episodes, Search, _write
@@ -120,9 +121,39 @@ def test_an_end_that_is_told_to_be_low_touches_first(problem):
     assert agrees[clear].mean() > 0.9
 
 
+def test_a_ride_is_learned_by_what_was_lent(problem, monkeypatch):
+    """Oracle: the spins that the task draws for what was asked, errors included, also of flights that end the ride."""
+    episodes, lent = Episodes(problem, settings(problem, n_envs=200), 0), []
+    drawn = problem.task.__class__.spins
+
+    def spins(task, scenes, actions, *given):
+        lent.append(drawn(task, scenes, actions, *given))
+        return lent[-1]
+
+    monkeypatch.setattr(problem.task.__class__, "spins", spins)
+    told = episodes.sample(None).actions[:, 0, 0]
+    assert episodes.ended > 20
+    np.testing.assert_allclose(told, np.concatenate(lent) / problem.scenario.rider.trim_rad_s, atol=1e-5)
+
+
+def test_a_rating_is_a_mean_over_the_error(problem):
+    """Oracle: of a critic that knows a step at half of the largest trim, the normal distribution of the error."""
+    search = Search(problem, 0.0001, 0.1, 4000)
+    error = problem.scenario.rider.noise_rad_s / problem.scenario.rider.trim_rad_s
+
+    class Step:
+        def rate(self, features, observations, actions):
+            return np.tile((actions[:, 0] > 0.5).astype(np.float32), (len(observations), 1))
+
+    assert search.features.error == pytest.approx(error)
+    mean = Step().rate(None, np.zeros((1, 1)), search._rated) @ search._near
+    np.testing.assert_allclose(mean[0], ndtr((search.actions[:, 0] - 0.5) / error), atol=0.05)
+    assert np.abs(search.actions).max() == 1.0 < np.abs(search._rated).max()
+
+
 def test_a_critic_of_rides_needs_the_landing_columns():
     with pytest.raises(ValueError, match="must have 'landing', which the critic of rides reads"):
-        features_of(Problem(SCENARIO, "descent"))
+        features_of(Problem(SCENARIO, "descent", columns=COLUMNS[:2]))
 
 
 def test_a_plane_without_a_rider_has_landings_too():
@@ -132,7 +163,7 @@ def test_a_plane_without_a_rider_has_landings_too():
 
 
 def test_a_trim_earned_what_followed_up_to_the_next_trial(problem, monkeypatch):
-    """Oracle: sums by hand; a trial in the third flight, of which the critic expects 50,000, the fourth ends."""
+    """Oracle: sums by hand; a trial in the third flight, of which the critic expects 500, the fourth ends."""
     rides = Episodes(problem, settings(problem, n_envs=1), 0)
     seen, steps, count = rides._seen, iter(range(6)), iter(range(5))
     chosen = np.zeros((1, 1), np.float32)
@@ -140,16 +171,17 @@ def test_a_trim_earned_what_followed_up_to_the_next_trial(problem, monkeypatch):
     class Scripted:
         def step(self, trims):
             step = next(count)
-            return seen, np.array([10.0**step]), np.array([step == 3]), np.array([False]), {}
+            info = {"final_obs": seen.astype(object)}
+            return seen, np.array([10.0**step]), np.array([step == 3]), np.array([False]), info
 
     def choose(critic):
         step = next(steps)
-        return chosen, np.array([step != 2]), np.array([50000.0 if step == 2 else 7.0], np.float32)
+        return chosen, np.array([step != 2]), np.array([500.0 if step == 2 else 7.0], np.float32)
 
     rides._env = Scripted()
     monkeypatch.setattr(rides, "_chosen", choose)
     samples = rides.sample(critic_of(problem))
-    assert samples.earned.tolist() == [50011.0, 50010.0, 1100.0, 1000.0, 10007.0]
+    assert samples.earned.tolist() == [511.0, 510.0, 1100.0, 1000.0, 10007.0]
     assert rides.ended == 1
     assert samples.actions.shape == (5, 1, RideFeatures(problem).width)
 
@@ -176,19 +208,20 @@ def test_the_best_action_is_done_however_many_are_rated_together(environment):
     critic = critic_of(problem)
     scenes = problem.task.scenes(problem.contexts("validation", _BLOCK + 3))
     seen = problem.task.observe(scenes)
-    actions = Agent(problem, critic).act(seen)
+    actions = Agent(problem, [critic]).act(seen)
     assert actions.shape == (len(seen), problem.actions)
     assert actions.dtype == np.float32
     search, features = Search(problem, 0.06, *_ACTING), features_of(problem)
+    off = np.hypot(0.06, features.error)
     for lane in (0, _BLOCK, _BLOCK + 2):
-        ratings = critic.rate(features, seen[lane : lane + 1], search.actions)[0].astype(float)
+        ratings = critic.rate(features, seen[lane : lane + 1], search._rated)[0].astype(float)
         smooth = []
         for one in search.actions:
-            near = np.exp(-0.5 * ((search.actions - one) ** 2).sum(axis=1) / 0.06**2)
+            near = np.exp(-0.5 * ((search._rated - one) ** 2).sum(axis=1) / off**2)
             smooth.append((near * ratings).sum() / near.sum())
         chosen = int(np.flatnonzero((search.actions == actions[lane]).all(axis=1))[0])
         assert smooth[chosen] == pytest.approx(max(smooth), abs=1e-5)
-        assert Agent(problem, critic).expected(seen[lane : lane + 1])[0] == pytest.approx(max(smooth), abs=1e-4)
+        assert Agent(problem, [critic]).expected(seen[lane : lane + 1])[0] == pytest.approx(max(smooth), abs=1e-4)
 
 
 @pytest.mark.parametrize("environment", ["descent", "launch"])
@@ -200,7 +233,7 @@ def test_equal_seeds_give_equal_agents_and_others_do_not(environment, tmp_path, 
         folder = tmp_path / str(i)
         folder.mkdir()
         agent = Agent.train(problem, settings(problem), seed, folder)
-        weights.append(agent._critic.last.weight.detach().numpy())
+        weights.append(agent._critics[0].last.weight.detach().numpy())
         assert (folder / "learning_curve.csv").read_text().splitlines()[-1].split(",")[0] != "0"
     assert np.array_equal(*weights[:2])
     assert not np.array_equal(*weights[1:])
@@ -221,21 +254,33 @@ def test_a_critic_of_launches_learns(tmp_path, monkeypatch):
 def test_weights_are_plain_numbers(problem, tmp_path):
     """Oracle: NumPy, which refuses to run what a file holds."""
     critic = critic_of(problem, 21)
-    _write(critic, tmp_path / "critic.npz")
+    _write([critic], tmp_path / "critic.npz")
     with np.load(tmp_path / "critic.npz", allow_pickle=False) as arrays:
-        assert {arrays[name].dtype for name in arrays.files if name != "blur"} == {np.dtype(np.float16)}
+        assert {arrays[name].dtype for name in arrays.files if name != "0.blur"} == {np.dtype(np.float16)}
     seen = begun(problem, 4)[2]
     np.testing.assert_allclose(
-        Agent.load(problem, tmp_path).expected(seen), Agent(problem, critic).expected(seen), atol=2e-3
+        Agent.load(problem, tmp_path).expected(seen), Agent(problem, [critic]).expected(seen), atol=2e-3
     )
+
+
+def test_several_critics_are_rated_in_the_mean(problem, tmp_path):
+    """Oracle: the mean of what each rates; what is kept of an agent is all of its critics."""
+    torch.manual_seed(4)
+    critics, seen = [critic_of(problem) for _ in range(3)], begun(problem, 5)[2]
+    search = Search(problem, 0.06, *_ACTING)
+    each = [critic.rate(search.features, seen, search._rated) @ search._near for critic in critics]
+    together = Agent(problem, critics)
+    np.testing.assert_allclose(together.expected(seen), np.mean(each, axis=0).max(axis=1), atol=1e-6)
+    _write(critics, tmp_path / "critic.npz")
+    np.testing.assert_allclose(Agent.load(problem, tmp_path).expected(seen), together.expected(seen), atol=2e-3)
 
 
 def test_weights_that_are_no_numbers_are_refused(problem, tmp_path):
     """Oracle: one weight of a critic that loads otherwise."""
     critic = critic_of(problem)
     critic.last.bias.data[3] = torch.nan
-    _write(critic, tmp_path / "critic.npz")
-    with pytest.raises(ValueError, match=r"critic\.npz: last\.bias has weights that are no finite numbers"):
+    _write([critic], tmp_path / "critic.npz")
+    with pytest.raises(ValueError, match=r"critic\.npz: 0\.last\.bias has weights that are no finite numbers"):
         Agent.load(problem, tmp_path)
     for cut in (b"", (tmp_path / "critic.npz").read_bytes()[:100]):
         (tmp_path / "critic.npz").write_bytes(cut)
