@@ -233,8 +233,9 @@ class Agent:
         settings : dict
             ``n_timesteps`` steps, shared by so many ``critics``; ``n_steps`` a turn in each of ``n_envs`` lanes; the
             shares of actions that are tried ``anywhere`` and ``near`` the best, these with a standard deviation of
-            ``near_width``; the last ``memory`` steps are learned from, each ``n_epochs`` times in the mean; ``batch_size``, ``learning_rate`` (falls to 0
-            as a cosine), ``net_arch``, ``bins``, ``blur`` and ``checks``, how often each critic is validated.
+            ``near_width``; the last ``memory`` steps are learned from, each ``n_epochs`` times in the mean;
+            ``batch_size``, ``learning_rate`` (falls to 0 as a cosine), ``net_arch``, ``bins``, ``blur`` and ``checks``,
+            how often each critic is validated.
         seed : int
             Of the networks, the contexts and the actions; equal seeds give equal agents.
         folder : Path
