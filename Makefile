@@ -59,7 +59,7 @@ docs: $(DOCS_STAMP) ## build the documentation site, site/index.html
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d .cache/docs -c docs . site
 	@echo "Open site/index.html"
 
-agents: $(STAMP) ## train the agents of agents/trained anew: some 20 minutes of CPU, most of them for rides
+agents: $(STAMP) ## train the agents of agents/trained anew: some 70 minutes of CPU, most of them for rides
 	for name in $(SCENARIOS); do $(BIN)/python -m sledenv.agents.train --algo critic --scenario $$name \
 		--runs agents/trained --overwrite || exit; done
 
