@@ -54,7 +54,7 @@ def pieces_of(
 
 
 def incline(angle: float, gravity: float = 9.81) -> Incline:
-    return Incline(gravity * math.sin(angle), gravity * math.cos(angle), math.inf, gravity)
+    return Incline(gravity * math.sin(angle), gravity * math.cos(angle), math.inf, gravity, 0.0)
 
 
 def new_space() -> Any:

@@ -16,7 +16,7 @@ from matplotlib.ticker import EngFormatter, PercentFormatter
 from sledenv.benchmark.results import PROBLEM, Results
 from sledenv.benchmark.scores import decomposition, regrets
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, ORANGE, POTENTIAL, PURPLE, RED, SKY, WIDTH, styled
-from sledenv.simulation.records import LOSSES
+from sledenv.simulation.records import FLIGHT_LOSSES, LOSSES
 
 _LOOKS: Final = {  # colour and marker of each agent, the same in all figures, in the order of their keys
     "zero": (POTENTIAL, "x"),
@@ -123,12 +123,13 @@ def plot_energy(results: Results) -> Figure:
     table = decomposition(results.judged).sort_values("stage", ascending=False, kind="stable")  # untrained first
     problems = _problems(table.iloc[table["agent"].map(_place).argsort(kind="stable")])
     heights = [len(group) for _, group in problems]
+    energy = {name: shown for name, shown in _ENERGY.items() if name not in FLIGHT_LOSSES or table[name].any()}
     with styled():
         figure = Figure(figsize=(WIDTH, 1.6 + 0.24 * sum(heights) + 0.45 * len(problems)), layout="constrained")
         grid = figure.subplots(len(problems), 2, squeeze=False, sharex=True, height_ratios=heights)
         for axes, (problem, group) in zip(grid, problems, strict=True):
             names = group["agent"].map(label) + np.where(group["stage"] == "untrained", ", untrained", "")
-            for ax, parts in zip(axes, (_ENERGY, _ENDINGS), strict=True):
+            for ax, parts in zip(axes, (energy, _ENDINGS), strict=True):
                 left = np.zeros(len(group))
                 for name, (_, colour) in parts.items():
                     share = group[name].to_numpy()
@@ -142,7 +143,7 @@ def plot_energy(results: Results) -> Figure:
             axes[0].set_title(title(*problem), loc="left")
         grid[-1, 0].set_xlabel("share of the energy supplied")
         grid[-1, 1].set_xlabel("share of the descents")
-        legends: list[Any] = [("outside upper left", _ENERGY, 1), ("outside upper right", _ENDINGS, 2)]
+        legends: list[Any] = [("outside upper left", energy, 1), ("outside upper right", _ENDINGS, 2)]
         for where, parts, columns in legends:
             handles = [Patch(color=colour, label=name) for name, colour in parts.values()]
             figure.legend(handles=handles, loc=where, ncols=columns, fontsize=9.5)

@@ -63,7 +63,8 @@ def descend_lanes(
         flight, what = flights[lane], trims[lane, 1] if by_hops else float(FLY)
         if flight["status"] == RUNNING and what != STAY:
             scene = scenes.rows[lane]
-            body, incline, ground = scenes.bodies[int(scene["body"])], incline_of(scene), space["ground"]
+            body, ground = scenes.bodies[int(scene["body"])], space["ground"]
+            incline = incline_of(scene, body)
             if space["begun"] == 0:
                 if flight["t_line"] == 0.0:
                     put_at_launch(scene, flight)

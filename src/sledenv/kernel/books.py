@@ -83,6 +83,14 @@ def book_step(space: np.void, t: float) -> None:
 
 
 @kernel
+def lost_to_air(body: np.void, slope: Incline, s: np.void, t: float) -> float:
+    """Energy [J] that drag takes in a step up to a time [s]."""
+    if slope.drag == 0.0:
+        return 0.0
+    return float(body["mass"] * slope.drag * _integral(s["speed"], s["square"], t))
+
+
+@kernel
 def book_spring(contact: np.void, before: float, rebound: np.void) -> None:
     """Book what the spring of a contact loses while its gap [m] goes from ``before`` to where it is."""
     after = contact["gap"]

@@ -71,10 +71,11 @@ CONTACTS: Final = np.dtype(
 # Power series in time [s] of one step: of a contact, and of what all contacts share. distance, dx, dy: from the
 # centre of a bend to that of an arc; nx, ny: of its normal; bx, by: the place of a bend in the frame of the body.
 TERMS: Final = np.dtype(fields("f8", "gap gap_rate slip normal force distance dx dy nx ny bx by", (WIDTH,)))
-# sw, cw: sine and cosine times the spin; gs, gc: forces on arcs times the places of their centres.
+# sw, cw: sine and cosine times the spin; gs, gc: forces on arcs times the places of their centres; speed, square: of
+# the mass centre, where it feels the air.
 SERIES: Final = np.dtype(
     [
-        *fields("f8", "x y phi u v omega sine cosine sw cw gs gc moment", (WIDTH,)),
+        *fields("f8", "x y phi u v omega sine cosine sw cw gs gc moment speed square", (WIDTH,)),
         ("of", TERMS, (MOST_CONTACTS,)),
     ]
 )
@@ -190,6 +191,7 @@ SPACE: Final = np.dtype(
         ("once", "i8"),  # 1 if the call ends where a flight begins that is not too short
         ("waits", "i8"),  # 1 once it does: the flight under way has not been decided about
         ("samples", "i8"),  # rows of the trajectory that there were when it began
+        ("drag", "f8"),  # [J] lost to the air since the launch
         ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out behind it
     ]
 )

@@ -10,11 +10,13 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel import guards
 from sledenv.kernel.advance import advance_contacts, stop_or_release
+from sledenv.kernel.air import felt, pulled, write_margin
 from sledenv.kernel.arithmetic import sine_cosine, wrap
 from sledenv.kernel.books import (
     book_loose_spring,
     book_step,
     close_rebound,
+    lost_to_air,
     note_mode,
     open_rebound,
     side_that_lies,
@@ -42,6 +44,7 @@ from sledenv.kernel.records import (
     TUMBLED,
 )
 from sledenv.kernel.strike import AGAIN, most_normal, release_or_strike, strike
+from sledenv.kernel.zeros import first_zero
 
 MOST_STALLED: Final = 30  # events in a row without any progress in time; then a small step ignores them
 GIVEN_UP: Final = 300  # such events with which a descent ends
@@ -65,6 +68,7 @@ def take_up(flight: np.void, space: np.void) -> None:
     motion["u"], motion["v"], motion["omega"] = flight["u"], flight["v"], flight["omega"]
     motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
     space["contacts"]["count"] = 0
+    space["drag"] = flight["drag"]
     space["stalled"], space["forced"], space["frozen"], space["lifted"] = 0, LEAST_FORCED, 0, 0
     space["undecided"] = 1
     space["marked"], space["marked_steps"] = flight["t"], flight["steps"]
@@ -168,7 +172,8 @@ def _longest_flight(pieces: np.ndarray, slope: Incline, motion: np.void, size: f
 def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, space: np.void) -> None:
     """Find how long the step is, and what ends it."""
     event, motion, size = space["event"], space["motion"], body["size"]
-    longest = longest_step(body, slope, limits.tolerance, space)
+    air = felt(slope, motion)
+    longest = longest_step(body, air, limits.tolerance, space)
     left = limits.max_time - motion["t"]
     if space["contacts"]["count"] == 0:
         longest = min(longest, _longest_flight(pieces, slope, motion, size))
@@ -178,8 +183,12 @@ def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limit
             if closing > 0.0:
                 longest = min(longest, DEEPEST * size / closing)
     event["code"], event["time"] = guards.NOTHING, longest if longest < FAR * left else left
-    event["longest"] = event["time"]
     s = space["series"]
+    if slope.drag > 0.0:
+        write_margin(slope, air.drag > 0.0, s, space["poly"])
+        if space["poly"][0] > 0.0:  # without gravity nothing is too faint but a body at rest
+            event["time"] = min(event["time"], first_zero(space["poly"], event["time"], 0, space["stack"]))
+    event["longest"] = event["time"]
     last = s["x"][ORDER] + s["y"][ORDER] + s["sine"][ORDER] + s["cosine"][ORDER] + s["omega"][ORDER]
     if not longest > 0.0 or not math.isfinite(last):
         event["time"] = math.nan
@@ -210,7 +219,7 @@ def _write_motion(s: np.void, t: float, motion: np.void) -> None:
 
 
 @kernel
-def _move(body: np.void, space: np.void) -> bool:
+def _move(body: np.void, slope: Incline, space: np.void) -> bool:
     """Go to the end of the step; return whether the mode is to be chosen anew, but for the event there."""
     motion, contacts, s, t = space["motion"], space["contacts"], space["series"], space["event"]["time"]
     if not motion["t"] + t > motion["t"]:
@@ -225,6 +234,7 @@ def _move(body: np.void, space: np.void) -> bool:
         space["stalled"] = 0
     space["lifted"] = 0
     motion["t"] += t
+    space["drag"] += lost_to_air(body, slope, s, t)
     _write_motion(s, t, motion)
     if contacts["count"] == 0:
         motion["sine"], motion["cosine"] = sine_cosine(wrap(motion["phi"]))
@@ -338,17 +348,18 @@ def _step(
     contacts, event, rigid = space["contacts"], space["event"], is_rigid(space["ground"])
     if space["stalled"] > GIVEN_UP:
         return STEP_BUDGET
-    status = RUNNING
+    status, air = RUNNING, felt(slope, space["motion"])
+    pull = pulled(air, space["motion"])
     if contacts["count"] > 0:
-        status = _decide(body, pieces, slope, limits, flight, space)
+        status = _decide(body, pieces, pull, limits, flight, space)
     if status in (RUNNING, JAMMED) and _is_buried(body, pieces, space):
         return BURIED
     if contacts["count"] > 0:
         if status == RUNNING and rigid and space["undecided"] != 0:
-            status = release_or_strike(body, pieces, slope, limits, flight, log, space)
+            status = release_or_strike(body, pieces, pull, limits, flight, log, space)
         if status != RUNNING:
             return RUNNING if status == AGAIN else status
-    expand(body, slope, space)
+    expand(body, air, space)
     if rigid and contacts["count"] == 1:
         load = space["series"]["of"][0]["normal"][0]
         if not 0.0 <= load <= most_normal(body, slope, space["rebound"]):
@@ -359,11 +370,12 @@ def _step(
     if contacts["count"] == 0 and _is_to_be_trimmed(limits, flight, space):
         return LONG_FLIGHT
     if rows.shape[0] > 0 and event["time"] > 0.0:
-        record_step(body, pieces, limits, event["time"], space, flight, rows)
+        record_step(body, pieces, air, limits, event["time"], space, flight, rows)
     forced = space["stalled"] > MOST_STALLED
-    passed = _move(body, space)
+    passed = _move(body, air, space)
     space["undecided"] = 1 if passed or forced else 0
-    return _apply(body, pieces, slope, limits, flight, log, space)
+    pull = pulled(felt(slope, space["motion"]), space["motion"])
+    return _apply(body, pieces, pull, limits, flight, log, space)
 
 
 @kernel

@@ -44,8 +44,8 @@ def _trim(scenes: Scenes, spin: float, flights: np.ndarray) -> None:
 def _close(scenes: Scenes, lane: int, flight: np.void) -> None:
     """Write the ledger of a descent."""
     scene = scenes.rows[lane]
-    pieces = scenes.pieces[int(scene["ground"]) : int(scene["ground_end"])]
-    close_books(scenes.bodies[int(scene["body"])], pieces, incline_of(scene), launch_of(scene), flight)
+    pieces, body = scenes.pieces[int(scene["ground"]) : int(scene["ground_end"])], scenes.bodies[int(scene["body"])]
+    close_books(body, pieces, incline_of(scene, body), launch_of(scene), flight)
 
 
 def _complete(bodies: np.ndarray) -> None:

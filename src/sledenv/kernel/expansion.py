@@ -12,6 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
+from sledenv.kernel.air import drag_term
 from sledenv.kernel.arithmetic import sixteenth_root
 from sledenv.kernel.contacts import ORDER, PER
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
@@ -20,6 +21,7 @@ from sledenv.kernel.mode import GAP, SPIN, find_locks, solve_locks
 MOST_TURN: Final = 1.0  # [rad] of a body in a step: the first term left out of sine and cosine is then 3e-15
 OF_BEND: Final = 0.2  # part of the distance from the centre of a bend to that of an arc that a step may go
 OF_LOAD: Final = 1e3  # times the tolerance: part of a locked load that its last terms may be
+OF_AIR: Final = 1e-5  # times the last terms of the speed at least: they count as drag does beside the weight
 LONGEST: Final = 1e17  # [s] a step, so that all of its powers are finite
 X, Y, SINE, COSINE, PHI = range(5)  # of ``space["reach"]`` and ``space["late"]``
 
@@ -227,6 +229,9 @@ def _terms_of_forces(body: np.void, slope: Any, contacts: np.void, s: np.void, k
     u, v = fx * per_mass, fy * per_mass
     if k == 0:
         u, v = u + slope.downhill, v - slope.inward
+    if slope.drag > 0.0:
+        along, up = drag_term(s, k)
+        u, v = u - slope.drag * per * along, v - slope.drag * per * up
     s["u"][k + 1], s["v"][k + 1], s["omega"][k + 1] = u, v, omega
     s["sw"][k + 1], s["cw"][k + 1] = sw + sine * omega, cw + cosine * omega
 
@@ -298,7 +303,7 @@ def _terms_of_motion(body: np.void, frozen: int, contacts: np.void, s: np.void, 
 
 @kernel
 def _expand_flight(slope: Any, s: np.void) -> None:
-    """Write the series of a free body: its path is a parabola, its spin constant."""
+    """Write the series of a free body: its spin is constant, and its path without air a parabola."""
     omega = s["omega"][0]
     for k in range(1, ORDER + 1):
         s["u"][k] = s["v"][k] = s["omega"][k] = 0.0
@@ -306,6 +311,10 @@ def _expand_flight(slope: Any, s: np.void) -> None:
         s["sw"][k], s["cw"][k] = s["sine"][k] * omega, s["cosine"][k] * omega
         if k == 1:
             s["u"][1], s["v"][1] = slope.downhill, -slope.inward
+        if slope.drag > 0.0:
+            along, up = drag_term(s, k - 1)
+            s["u"][k] -= slope.drag * PER[k] * along
+            s["v"][k] -= slope.drag * PER[k] * up
     _terms_of_places(0, s, ORDER + 1)
 
 
@@ -313,13 +322,16 @@ def _expand_flight(slope: Any, s: np.void) -> None:
 def expand(body: np.void, slope: Any, space: np.void) -> None:
     """Write the series of a step in the mode of the contacts, which have been placed.
 
-    In a ``frozen`` impact the body stays where it is: normals and levers are constant.
+    In a ``frozen`` impact the body stays where it is: normals and levers are constant. Where ``slope.drag`` is not
+    zero, the speed is not.
     """
     motion, contacts, s, choice = space["motion"], space["contacts"], space["series"], space["choice"]
     frozen = space["frozen"]
     _begin(body, frozen, motion, contacts, s)
     if contacts["count"] == 0:
         _expand_flight(slope, s)
+        if slope.drag > 0.0:
+            drag_term(s, ORDER)
         return
     find_locks(body, contacts, choice)
     locked = choice["locks"] > 0
@@ -328,6 +340,8 @@ def expand(body: np.void, slope: Any, space: np.void) -> None:
         if locked:
             _add_locked(body, frozen, contacts, choice, s, k)
         _terms_of_motion(body, frozen, contacts, s, k + 1)
+    if slope.drag > 0.0:
+        drag_term(s, ORDER)
     s["moment"][ORDER] = 0.0
     for c in range(contacts["count"]):  # the last terms of locked forces are not known and below rounding
         contact, terms = contacts["at"][c], s["of"][c]
@@ -347,7 +361,7 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     longest, turning = LONGEST, abs(s["omega"][0]) + math.sqrt(0.5 * abs(s["omega"][1]))
     if turning > 0.0 and space["frozen"] == 0:
         longest = MOST_TURN / turning
-    if contacts["count"] == 0:
+    if contacts["count"] == 0 and slope.drag == 0.0:
         return longest
     speed = max(abs(s["u"][0]), abs(s["v"][0]), size * abs(s["omega"][0]), math.sqrt(slope.gravity * size), 1e-12)
     far = max(size, body["furthest"]) / size
@@ -356,6 +370,9 @@ def longest_step(body: np.void, slope: Any, tolerance: float, space: np.void) ->
     for k in range(ORDER - 1, ORDER + 1):
         last = max(abs(s["u"][k]), abs(s["v"][k]), size * abs(s["omega"][k])) / speed
         last = max(last, max(abs(s["sine"][k]), abs(s["cosine"][k])) * far)
+        if slope.drag > 0.0:
+            first, drag = s["speed"][0], slope.drag * s["square"][0]
+            last = max(last, max(drag / (slope.gravity + drag), OF_AIR) * abs(s["speed"][k]) / first)
         power = min(power, of_radius * _radius(last, k))
     of_radius = OF_LOAD * tolerance
     for c in range(contacts["count"]):

@@ -25,7 +25,7 @@ PACE: Final = 100.0  # sizes over the speed of approach: how fast the springs sw
 SOON: Final = 1e-9  # of the time of a swing: springs begin as deep as they are then, so that their loads compare
 LEAST_TERM: Final = 1e-15  # of the speed of approach: the last terms of a step
 PLASTIC: Final = 1e-7  # restitution below which what several points give back is lost in rounding: they give nothing
-_NO_GRAVITY: Final = Incline(0.0, 0.0, 0.0, 0.0)
+_NO_GRAVITY: Final = Incline(0.0, 0.0, 0.0, 0.0, 0.0)
 LEAST_RATE: Final = 1e-13  # of the speed of approach: a slower end stands still
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 
-MOST_ZONES: Final = 8
+MOST_ZONES: Final = 64
 PIECES: Final = 2 * MOST_ZONES + 1  # with what lies between the zones
 
 # The slope from its top to its end, in pieces one after the other.

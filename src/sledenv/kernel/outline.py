@@ -16,7 +16,7 @@ import numpy as np
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import TURN, angle_of, sine_cosine, wrap
 
-MOST_ARCS: Final = 12
+MOST_ARCS: Final = 24
 # One arc may be listed twice, and where the circle of an arc would reach beyond the straight side before it, the end of
 # the side is listed too, as a corner that is lowest at one orientation alone.
 PLACES: Final = 3 * MOST_ARCS + 1
@@ -58,6 +58,7 @@ BODY: Final = np.dtype(
     [
         ("mass", "f8"),  # [kg]
         ("inertia", "f8"),  # [kg m^2] about the mass centre
+        ("drag_area", "f8"),  # [m^2] drag coefficient times the area that the air meets
         ("per_mass", "f8"),  # [1/kg]
         ("per_inertia", "f8"),  # [1/(kg m^2)]
         ("count", "f8"),  # of intervals

@@ -8,6 +8,7 @@ from typing import Final
 import numpy as np
 
 from sledenv.compiler.jit import kernel
+from sledenv.kernel.air import pulled
 from sledenv.kernel.arithmetic import angle_of, sine_cosine, wrap
 from sledenv.kernel.geometry import first_piece, height_at, tangent_at
 from sledenv.kernel.outline import support_height
@@ -86,6 +87,8 @@ def foresee(
 ) -> None:
     """Write where a flight lands if its rider lends no spin: the mass centre flies a parabola.
 
+    With air that is true to first order: drag counts as that at the begin of the flight throughout.
+
     It lands where a body that lies on the ground would touch it. The ground behind the last vertex that is told counts
     as level.
 
@@ -95,7 +98,7 @@ def foresee(
     last : int
         Number of the last vertex that is told, see :func:`look_around`.
     downhill, inward : float
-        Gravity [m/s^2] along the slope, and along its inward normal.
+        Acceleration [m/s^2] along the slope, and along its inward normal.
     lying : float
         Support height [m] of the body as it lies.
     flight : record of OUTCOME
@@ -156,5 +159,5 @@ def look_out(scenes: Scenes, flights: np.ndarray, around: np.ndarray, landings: 
         around[i, 0], around[i, 1] = sine_cosine(wrap(flight["phi"]))
         around[i, 2], last = look_around(ground, flight["x"], around[i, 3:])
         if landings.shape[0] > 0:
-            incline, lying = incline_of(scene), support_height(body, 0.0)
+            incline, lying = pulled(incline_of(scene, body), flight), support_height(body, 0.0)
             foresee(ground, last, incline.downhill, incline.inward, lying, flight, landings[i])

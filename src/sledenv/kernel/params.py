@@ -43,6 +43,7 @@ class Slope(NamedTuple):
     angle: float  # [rad] beta, positive downhill
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
+    air_density: float = 0.0  # [kg/m^3]
 
 
 class Zone(NamedTuple):
@@ -68,6 +69,7 @@ class Incline(NamedTuple):
     inward: float  # [m/s^2] and along the inward normal
     length: float  # [m] where the descent finishes; may be inf
     gravity: float  # [m/s^2]
+    drag: float  # [1/m] deceleration by the air over the square of the speed
 
 
 class State(NamedTuple):
@@ -115,6 +117,7 @@ SCENE: Final = np.dtype(
         ("angle", "f8"),  # [rad]
         ("length", "f8"),  # [m]
         ("gravity", "f8"),  # [m/s^2]
+        ("air_density", "f8"),  # [kg/m^3]
         # The launch, as in State.
         ("x", "f8"),  # [m]
         ("y", "f8"),  # [m]
@@ -168,10 +171,11 @@ def rigid_law_of(scene: np.void) -> RigidLaw:
 
 
 @kernel
-def incline_of(scene: np.void) -> Incline:
-    """Return what kernels need of the slope of a scene."""
+def incline_of(scene: np.void, body: np.void) -> Incline:
+    """Return what kernels need of the slope of a scene, and of the air over it."""
     sine, cosine = sine_cosine(wrap(scene["angle"]))
-    return Incline(scene["gravity"] * sine, scene["gravity"] * cosine, scene["length"], scene["gravity"])
+    drag = 0.5 * scene["air_density"] * body["drag_area"] * body["per_mass"]
+    return Incline(scene["gravity"] * sine, scene["gravity"] * cosine, scene["length"], scene["gravity"], drag)
 
 
 @kernel

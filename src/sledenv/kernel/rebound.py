@@ -51,6 +51,7 @@ def put_back(space: np.void, flight: np.void) -> None:
     motion = space["motion"]
     flight["t"], flight["x"], flight["y"], flight["phi"] = motion["t"], motion["x"], motion["y"], motion["phi"]
     flight["u"], flight["v"], flight["omega"] = motion["u"], motion["v"], motion["omega"]
+    flight["drag"] = space["drag"]
 
 
 @kernel

@@ -8,11 +8,11 @@ import numpy as np
 
 from sledenv.compiler.jit import kernel
 from sledenv.kernel.arithmetic import sign_of, sine_cosine, wrap
-from sledenv.kernel.books import ground_of, part_of, side_that_lies
+from sledenv.kernel.books import ground_of, lost_to_air, part_of, side_that_lies
 from sledenv.kernel.expansion import value
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.mode import NEARLY
-from sledenv.kernel.params import Limits
+from sledenv.kernel.params import Incline, Limits
 from sledenv.kernel.records import MOST_CONTACTS
 
 CONTACT_ROWS: Final = 8  # intervals of one step of a contact, close enough to draw it
@@ -124,7 +124,14 @@ def _write_forces(body: np.void, pieces: np.ndarray, space: np.void, t: float, a
 
 @kernel
 def record_step(
-    body: np.void, pieces: np.ndarray, limits: Limits, length: float, space: np.void, flight: np.void, rows: np.ndarray
+    body: np.void,
+    pieces: np.ndarray,
+    slope: Incline,
+    limits: Limits,
+    length: float,
+    space: np.void,
+    flight: np.void,
+    rows: np.ndarray,
 ) -> None:
     """Add rows of a step of some length [s]: of a contact with both its ends, as forces may jump there."""
     contacts, s, begin = space["contacts"], space["series"], space["motion"]["t"]
@@ -138,6 +145,7 @@ def record_step(
         t = length * (i / parts)
         row = _next_row(rows, flight)
         _write_motion(s, begin, t, row)
+        row["drag"] = space["drag"] + lost_to_air(body, slope, s, t)
         if touching:
             _write_forces(body, pieces, space, t, False, row)
 
@@ -149,7 +157,7 @@ def record_end(
     """Add the row of the end of a descent; a body that rests has the forces of its rest."""
     row, motion = _next_row(rows, flight), space["motion"]
     row["t"], row["x"], row["y"], row["phi"] = motion["t"], motion["x"], motion["y"], motion["phi"]
-    row["u"], row["v"], row["omega"] = motion["u"], motion["v"], motion["omega"]
+    row["u"], row["v"], row["omega"], row["drag"] = motion["u"], motion["v"], motion["omega"], space["drag"]
     contacts, event = space["contacts"], space["event"]
     if contacts["count"] > 0 and (at_rest or event["time"] > 0.0):
         _write_forces(body, pieces, space, event["time"], at_rest, row)

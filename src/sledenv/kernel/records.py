@@ -74,6 +74,7 @@ class Energy(NamedTuple):
     hysteresis: LostInContact  # between loading and unloading stiffness
     sliding: LostInContact  # to Coulomb friction
     rolling: LostInContact  # to rolling resistance
+    drag: LostInFlight  # to the air, in contact too
     rotor: float  # kinetic energy of the rider's rotor at the end
     work: float  # done by the rider's trim
     absorbed: float  # taken up by the rider's trim, and lost
@@ -104,7 +105,7 @@ def _marked(mark: Any) -> tuple[str, ...]:
 
 LEDGER_FIELDS: Final = Energy._fields
 CONTACT_LOSSES: Final = _marked(LostInContact)
-FLIGHT_LOSSES: Final = _marked(LostInFlight)  # none under gravity alone
+FLIGHT_LOSSES: Final = _marked(LostInFlight)
 LOSSES: Final = CONTACT_LOSSES + FLIGHT_LOSSES
 
 REBOUND = np.dtype(

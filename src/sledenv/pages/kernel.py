@@ -128,7 +128,7 @@ def descent_input(
     Returns
     -------
     dict
-        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``arcs``), ``law``, if surfaces are rigid
+        ``body`` (``mass`` [kg], ``inertia`` [kg m^2], ``drag_area`` [m^2], ``arcs``), ``law``, if surfaces are rigid
         with a ``settle_speed``, ``slope`` with its ``zones``, ``profile`` and
         ``rounding``, ``launch``, ``limits``, ``solver``.
 
@@ -140,8 +140,9 @@ def descent_input(
     body, law, slope, launch, scenes = checked_descent(body, law, slope, launch, settings)
     record, settle = body.record[0], float(scenes.rows["settle_speed"][0])
     arcs = [{name: float(record[name][k]) for name in GIVEN} for k in range(int(record["count"]))]
+    of_body = {name: float(record[name]) for name in ("mass", "inertia", "drag_area")}
     given = {
-        "body": {"mass": float(record["mass"]), "inertia": float(record["inertia"]), "arcs": arcs},
+        "body": {**of_body, "arcs": arcs},
         "law": law._asdict() | ({"settle_speed": settle} if settings.solver == "rigid" else {}),
         "slope": plain_slope(slope),
         "launch": launch._asdict(),

@@ -330,7 +330,8 @@ def _body(law: ContactLaw, slope: Slope, settings: Settings, named: NamedBody) -
     name, python, body = named
     ending = [name for name in settings.end_parts if name in body.parts]
     settings = replace(settings, end_touching=ending or None)
-    anyhow, plane = State(0.0, support_height(body, 0.0), 0.0), Slope(slope.angle, slope.length, slope.gravity)
+    anyhow = State(0.0, support_height(body, 0.0), 0.0)
+    plane = Slope(slope.angle, slope.length, slope.gravity, air_density=slope.air_density)
     given = descent_input(body, law, plane, anyhow, settings)
     rigid = descent_input(body, law, plane, anyhow, replace(settings, solver="rigid"))
     told = {key: getattr(settings, key) for key in ("max_time", "max_rebounds", "run_out")}

@@ -99,7 +99,8 @@ def energy_layers(descent: Descent, rows: np.ndarray) -> dict[str, np.ndarray]:
     # Where a gap turns, the force of the second of two rows tells how far a spring is compressed that began inside.
     turns = np.diff(rows["t"]) == 0.0
     stored[:-1][turns] = np.minimum(stored[:-1], stored[1:])[turns]
-    lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True)) | {name: rows[name] for name in FLIGHT_LOSSES}
+    lost = dict(zip(CONTACT_LOSSES, _losses(descent, rows), strict=True))
+    lost |= {name: rows[name] for name in FLIGHT_LOSSES if rows[name].any()}
     return {
         "translation": translation,
         "rotation": rotation,

@@ -119,7 +119,7 @@ class Context(_ContextFields):
 
 
 _LAW: Final = "stiffness", "corner_rolling_arm"
-_INCLINE: Final = "angle", "gravity"
+_INCLINE: Final = "angle", "air_density"
 _ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", "shape", "track"))
 
 
@@ -260,6 +260,8 @@ class Scenario(Document):
         content["slope"] = _given(
             {key: value for key, value in content["slope"].items() if key not in ("run_out_m", "rounding_m") or value}
         )
+        if self.slope_section.air_density_kg_m3 == SlopeSection.model_fields["air_density_kg_m3"].default:
+            del content["slope"]["air_density_kg_m3"]
         if content["slope"].get("bumps") is not None:
             bumps = content["slope"]["bumps"]
             content["slope"]["bumps"] = {key: value for key, value in bumps.items() if key != "rounding_m" or value}
@@ -523,6 +525,7 @@ class Scenario(Document):
         rows["body"] = shapes = self._shapes(contexts)
         rows["ground"], rows["ground_end"] = ground.places.T
         rows["angle"], rows["length"], rows["gravity"] = contexts[:, 0], slope.length_m, slope.gravity_m_s2
+        rows["air_density"] = slope.air_density_kg_m3
         rows["stiffness"], rows["asymmetry"] = law.stiffness_n_m, asymmetry_of(contexts[:, 2])
         rows["friction"], rows["rolling_arm"] = contexts[:, 1], law.rolling_arm_m
         rows["corner_rolling_arm"] = law.corner_rolling_arm_m
@@ -600,7 +603,7 @@ class Scenario(Document):
         return Given(
             self.all_bodies()[int(scenes.rows["body"][0])],
             ContactLaw(*law),
-            Slope(slope[0], slope[1], slope[2], zones, profile, rounding),
+            Slope(*slope[:3], zones, profile, rounding, slope[3]),
             State(*scenes.launches[0].tolist()),
         )
 

@@ -49,13 +49,16 @@ class Body:
     inertia : float
         Moment of inertia about the mass centre [kg m^2], > 0.
     arcs : sequence of Arc
-        1 to 12 arcs of the outline in the order in which they touch as the orientation rises, so that ``begin`` rises
+        1 to 24 arcs of the outline in the order in which they touch as the orientation rises, so that ``begin`` rises
         from one to the next. Each is the lowest up to ``begin`` of the next one, the last one up to that of the first.
         There both are at the same place, or apart by the length of a straight side. A single arc goes all around.
+    drag_area : float
+        Drag coefficient times the area that the air meets, c_d A [m^2], >= 0: docs/physics.md, section 9. 0, the
+        default, feels no air.
 
     Attributes
     ----------
-    mass, inertia : float
+    mass, inertia, drag_area : float
 
     Raises
     ------
@@ -65,17 +68,19 @@ class Body:
         1e-9 rad from one side to the next. A radius may be 1e6 of the size.
     """
 
-    fields: ClassVar[tuple[str, ...]] = ("mass", "inertia", "arcs")
+    fields: ClassVar[tuple[str, ...]] = ("mass", "inertia", "arcs", "drag_area")
 
     mass: float
     inertia: float
+    drag_area: float
     _arcs: tuple[Arc, ...]
 
-    def __init__(self, mass: float, inertia: float, arcs: Sequence[Arc]) -> None:
+    def __init__(self, mass: float, inertia: float, arcs: Sequence[Arc], drag_area: float = 0.0) -> None:
         self._keep(
             mass=checked("Body", "mass", mass, MEASURE),
             inertia=checked("Body", "inertia", inertia, INERTIA),
             _arcs=checked_arcs("Body", arcs),
+            drag_area=checked("Body", "drag_area", drag_area, NOT_NEGATIVE),
         )
 
     def _keep(self, **values: Any) -> None:
@@ -138,11 +143,13 @@ class Body:
 
     def typed(self) -> str:
         """Return the Python that makes it anew."""
-        values = (f"{field}={value!r}" for field, value in zip(self.fields, self._values(), strict=True))
+        given = zip(self.fields, self._values(), strict=True)
+        values = (f"{field}={value!r}" for field, value in given if field != "drag_area" or value)
         return f"{type(self).__name__}({', '.join(values)})"
 
     def __repr__(self) -> str:
-        numbers = (f"{field} {getattr(self, field):.6g}" for field in self.fields if field != "arcs")
+        told = [field for field in self.fields if field != "arcs" and (field != "drag_area" or self.drag_area)]
+        numbers = (f"{field} {getattr(self, field):.6g}" for field in told)
         return f"{type(self).__name__}({', '.join(numbers)}; parts: {', '.join(self.parts)})"
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -160,6 +167,7 @@ class Body:
             arcs, sides = [arcs[-1]._replace(begin=-math.pi), *arcs], [sides[-1], *sides]
         record = records[0]
         record["mass"], record["inertia"], record["count"] = self.mass, self.inertia, len(arcs)
+        record["drag_area"] = self.drag_area
         for k, arc in enumerate(arcs):
             record["begin"][k], record["along"][k], record["across"][k] = arc.begin, arc.y, 0.0 - arc.x
             record["r"][k], record["part"][k] = arc.radius, codes[arc.part]
@@ -229,7 +237,7 @@ def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str
     Parameters
     ----------
     bodies : Body, sequence of Body, or ndarray
-        One, or as many as lanes: bodies, the fields of segments, shape (N, 5), or records of kernel.outline.BODY, shape
+        One, or as many as lanes: bodies, the fields of segments, shape (N, 6), or records of kernel.outline.BODY, shape
         (1,) or (N,), that are complete.
     lanes : int
         How many descents there are.
@@ -315,8 +323,8 @@ class Segment(Body):
     Its parts are "arc", "nose", "tail" and "chord". At phi = 0 the nose is the downhill end of the arc.
     """
 
-    fields: ClassVar[tuple[str, ...]] = ("mass", "radius", "eccentricity", "inertia", "half_angle")
-    rules: ClassVar[tuple[Rule, ...]] = (MEASURE, MEASURE_OR_0, NOT_NEGATIVE, INERTIA, HALF_ANGLE)
+    fields: ClassVar[tuple[str, ...]] = ("mass", "radius", "eccentricity", "inertia", "half_angle", "drag_area")
+    rules: ClassVar[tuple[Rule, ...]] = (MEASURE, MEASURE_OR_0, NOT_NEGATIVE, INERTIA, HALF_ANGLE, NOT_NEGATIVE)
     _fields: ClassVar[tuple[str, ...]] = fields  # where rules.checked_rows looks for them
 
     radius: float
@@ -324,9 +332,15 @@ class Segment(Body):
     half_angle: float
 
     def __init__(
-        self, mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi
+        self,
+        mass: float,
+        radius: float,
+        eccentricity: float,
+        inertia: float,
+        half_angle: float = math.pi,
+        drag_area: float = 0.0,
     ) -> None:
-        given = zip(self.fields, (mass, radius, eccentricity, inertia, half_angle), self.rules, strict=True)
+        given = zip(self.fields, (mass, radius, eccentricity, inertia, half_angle, drag_area), self.rules, strict=True)
         values = {field: checked("segment", field, value, rule) for field, value, rule in given}
         r, h, alpha = values["radius"], values["eccentricity"], values["half_angle"]
         if not holds_its_mass_centre(r, h, alpha):
@@ -353,7 +367,14 @@ class Segment(Body):
         return segment_records(np.array([self._values()]))
 
 
-def segment(mass: float, radius: float, eccentricity: float, inertia: float, half_angle: float = math.pi) -> Segment:
+def segment(
+    mass: float,
+    radius: float,
+    eccentricity: float,
+    inertia: float,
+    half_angle: float = math.pi,
+    drag_area: float = 0.0,
+) -> Segment:
     """Return a circular arc with an eccentric mass centre, closed by its chord: docs/physics.md, sections 1 and 8.
 
     Parameters
@@ -371,18 +392,20 @@ def segment(mass: float, radius: float, eccentricity: float, inertia: float, hal
         (8.12).
     half_angle : float
         Half-angle of the arc [rad] in (0, pi]; pi is a full disc without corners.
+    drag_area : float
+        [m^2], as of :class:`Body`.
 
     Returns
     -------
     Segment
-        A body that keeps these five numbers as attributes.
+        A body that keeps these six numbers as attributes.
 
     Raises
     ------
     TypeError, ValueError
         Naming the argument, its value and the allowed range.
     """
-    return Segment(mass, radius, eccentricity, inertia, half_angle)
+    return Segment(mass, radius, eccentricity, inertia, half_angle, drag_area)
 
 
 def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) -> ValueError:
@@ -394,7 +417,7 @@ def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) 
 
 
 def check_bodies(owner: str, rows: Floats) -> None:
-    """Check the fields of many segments at once, shape (N, 5): as ``checked_rows`` does, and where mass centres are.
+    """Check the fields of many segments at once, shape (N, 6): as ``checked_rows`` does, and where mass centres are.
 
     Raises
     ------
@@ -402,19 +425,19 @@ def check_bodies(owner: str, rows: Floats) -> None:
         Naming row, field, value and allowed range; ``{lane}`` in ``owner`` becomes the number of the row.
     """
     checked_rows(owner, Segment, rows)
-    _, radius, eccentricity, _, half_angle = rows.T
+    _, radius, eccentricity, _, half_angle, _ = rows.T
     doubtful = ~((radius * np.maximum(np.cos(half_angle), 0.0) <= eccentricity) & (eccentricity <= radius))
     for lane in np.flatnonzero(doubtful).tolist():
-        _, r, h, _, alpha = rows[lane].tolist()
+        _, r, h, _, alpha, _ = rows[lane].tolist()
         if not holds_its_mass_centre(r, h, alpha):
             raise _outside(owner.format(lane=lane), r, h, alpha)
 
 
 def segment_records(rows: Floats) -> np.ndarray:
-    """Return what the kernel reads of segments whose fields, shape (N, 5), have been checked; shape (N,)."""
-    mass, radius, eccentricity, inertia, half_angle = rows.T
+    """Return what the kernel reads of segments whose fields, shape (N, 6), have been checked; shape (N,)."""
+    mass, radius, eccentricity, inertia, half_angle, drag_area = rows.T
     records = np.zeros(len(rows), BODY)
-    records["mass"], records["inertia"], records["count"] = mass, inertia, 1.0
+    records["mass"], records["inertia"], records["count"], records["drag_area"] = mass, inertia, 1.0, drag_area
     records["begin"][:, 0], records["part"][:, 0] = -math.pi, _ARC
     records["along"][:, 0], records["r"][:, 0] = eccentricity, radius
 

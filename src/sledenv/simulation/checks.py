@@ -38,7 +38,7 @@ Laws = ContactLaw | Sequence[ContactLaw] | np.ndarray
 Slopes = Slope | Sequence[Slope] | np.ndarray | SlopeTable
 
 _SLOPE: Final = len(params.Slope._fields)
-_LAW, _INCLINE = columns("stiffness", "corner_rolling_arm"), columns("angle", "gravity")
+_LAW, _INCLINE = columns("stiffness", "corner_rolling_arm"), columns("angle", "air_density")
 _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the surface
 
 
@@ -83,7 +83,7 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
     zones = np.array([zone.row for zone in slope.zones]) if slope.zones else NO_ZONES
     places = 0.0, 0.0, len(ground.pieces), 0.0, len(zones)
     settle = settle_speed(slope.gravity, body.size) if settings.settle_speed is None else settings.settle_speed
-    row = np.array([*places, *law, settle, *slope[:_SLOPE], *launch, 1.0, 0.0])
+    row = np.array([*places, *law, settle, *slope.row[:_SLOPE], *launch, 1.0, 0.0])
     scenes = admitted(Scenes(row.view(SCENE), body.record, ground.pieces, zones), settings, _ONE)
     return CheckedDescent(body, law, slope, State.found(scenes.launches[0].tolist()), scenes)
 
@@ -113,7 +113,7 @@ def checked_scenes(body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike, 
         scenes = scenes._replace(zones=zones[there])
     table[:, _LAW], table[:, _INCLINE], scenes.launches[:] = laws, slopes[:, :_SLOPE], starts
     own = settings.settle_speed
-    rows["settle_speed"] = settle_speed(slopes[:, _SLOPE - 1], bodies["size"]) if own is None else own
+    rows["settle_speed"] = settle_speed(rows["gravity"], bodies["size"]) if own is None else own
     rows["rotor_inertia"] = 1.0
     return admitted(scenes, settings)
 
@@ -170,7 +170,7 @@ def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
-    """Rows of one or of N slopes with their zones, shape (1 or N, 3 + 7 zones); see :mod:`sledenv.kernel.params`."""
+    """Rows of one or of N slopes with their zones, shape (1 or N, 4 + 7 zones); see :mod:`sledenv.kernel.params`."""
     if isinstance(given, Slope):
         return np.array([given.row])
     if isinstance(given, SlopeTable):

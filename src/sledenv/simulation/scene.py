@@ -327,6 +327,7 @@ class _SlopeFields(NamedTuple):
     zones: tuple[Zone, ...]
     profile: tuple[tuple[float, float], ...]
     rounding: tuple[float, ...]  # of each vertex; none if all are 0
+    air_density: float  # [kg/m^3]
 
 
 class Slope(Checked, _SlopeFields):
@@ -341,7 +342,7 @@ class Slope(Checked, _SlopeFields):
     gravity : float
         Gravitational acceleration [m/s^2], >= 0.
     zones : sequence of Zone
-        Up to 8 parts with surfaces of their own, one behind the other along the slope; elsewhere that of the contact
+        Up to 64 parts with surfaces of their own, one behind the other along the slope; elsewhere that of the contact
         law holds. None by default.
     profile : sequence of pairs, or ndarray of shape (n, 2)
         Vertices (x, y) [m] of the ground: y is its height over the plane of the slope, along whose outward normal it is
@@ -351,6 +352,8 @@ class Slope(Checked, _SlopeFields):
     rounding : float, or sequence of float
         Radius [m] of the arc that rounds each vertex of the profile, in [0, inf]: one for all, or one for each. The arc
         touches both pieces; its radius is smaller where it would take more than 0.49 of one of them. 0 by default.
+    air_density : float
+        [kg/m^3], >= 0; 1.2 by default. It counts for bodies that have a drag area.
 
     Raises
     ------
@@ -360,7 +363,7 @@ class Slope(Checked, _SlopeFields):
     """
 
     __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
+    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE, NOT_NEGATIVE)  # of the first of ``row``
 
     def __new__(
         cls,
@@ -370,21 +373,21 @@ class Slope(Checked, _SlopeFields):
         zones: Iterable[Zone] = (),
         profile: Sequence[Sequence[float]] | np.ndarray = (),
         rounding: float | Sequence[float] | np.ndarray = 0.0,
+        air_density: float = 1.2,
     ) -> Self:
-        angle, length, gravity = (
-            checked("Slope", name, value, rule)
-            for name, value, rule in zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
-        )
+        given = zip(params.Slope._fields, (angle, length, gravity, air_density), cls.rules, strict=True)
+        angle, length, gravity, air_density = (checked("Slope", name, value, rule) for name, value, rule in given)
         ground = checked_profile(profile, rounding)
         vertices, radii = tuple((x, y) for x, y, _ in ground), tuple(radius for _, _, radius in ground)
+        bends = radii if any(radii) else ()
         return super().__new__(
-            cls, angle, length, gravity, _checked_zones(zones, length), vertices, radii if any(radii) else ()
+            cls, angle, length, gravity, _checked_zones(zones, length), vertices, bends, air_density
         )
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes, without profile."""
-        return (*self[:3], *(number for zone in self.zones for number in zone.row))
+        """Angle, length, gravity and air density, then the fields of each zone: a row of a table of slopes."""
+        return (*self[:3], self.air_density, *(number for zone in self.zones for number in zone.row))
 
     @property
     def ground(self) -> Profile:
@@ -413,7 +416,7 @@ class Slope(Checked, _SlopeFields):
 class SlopeTable(NamedTuple):
     """Many slopes as a table, over one profile that has been checked."""
 
-    rows: np.ndarray  # angle, length and gravity, then the fields of zones, NaN where one has fewer
+    rows: np.ndarray  # angle, length, gravity and air density, then the fields of zones, NaN where one has fewer
     profile: Profile
 
 

@@ -53,11 +53,13 @@ PARAMETERS: Final = {
     "angle": "rad",
     "length": "m",
     "gravity": "m/s^2",
+    "air_density": "kg/m^3",
     "mass": "kg",
     "radius": "m",
     "eccentricity": "m",
     "inertia": "kg m^2",
     "half_angle": "rad",
+    "drag_area": "m^2",
     # Of the zones of the slope, counted from 1.
     **{f"zone_{k}_{name}": unit for k in range(1, MOST_ZONES + 1) for name, unit in OF_ZONE.items()},
 }
@@ -86,7 +88,7 @@ SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: changes that are looked at
 _COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
 _RESTITUTION = _COLUMN["restitution"]
-_SECTIONS = (6, 11, 14, 19)  # columns of launch, law, slope, body and zones: where the next begins
+_SECTIONS = (6, 11, 15, 21)  # columns of launch, law, slope, body and zones: where the next begins
 _TO_THE_LAST_BIT = 64  # bisections
 _BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
 _BISECTIONS = 24
@@ -343,9 +345,9 @@ class Neighbours:
         self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        angle, length, gravity, *zones = descent.slope.row
-        of_zones = zones + [np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))
-        self.centre = np.array([*descent.launch, *of_law, angle, length, gravity, *self._of_body(), *of_zones])
+        incline, zones = descent.slope.row[: len(Slope.rules)], descent.slope.row[len(Slope.rules) :]
+        of_zones = [*zones, *[np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))]
+        self.centre = np.array([*descent.launch, *of_law, *incline, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
         self.crests = bool(sharp_crests(descent.slope.vertices).any())  # over which no radius may vanish
         scales = self._scales()
@@ -358,15 +360,15 @@ class Neighbours:
         """Fields of a segment; of any other body NaN where it has none."""
         body = self.descent.body
         if isinstance(body, Segment):
-            return body.mass, body.radius, body.eccentricity, body.inertia, body.half_angle
-        return body.mass, np.nan, np.nan, body.inertia, np.nan
+            return body.mass, body.radius, body.eccentricity, body.inertia, body.half_angle, body.drag_area
+        return body.mass, np.nan, np.nan, body.inertia, np.nan, body.drag_area
 
     def records(self, bodies: Floats) -> np.ndarray:
         """What the kernel reads of bodies, given the rows of :meth:`tables`."""
         if isinstance(self.descent.body, Segment):
             return segment_records(bodies)
         records = np.tile(self.descent.body.record, len(bodies))
-        records["mass"], records["inertia"] = bodies[:, 0], bodies[:, 3]
+        records["mass"], records["inertia"], records["drag_area"] = bodies[:, 0], bodies[:, 3], bodies[:, 5]
         records["per_mass"], records["per_inertia"] = 1.0 / bodies[:, 0], 1.0 / bodies[:, 3]
         return records
 
@@ -377,7 +379,7 @@ class Neighbours:
         body = self.descent.body
         if isinstance(body, Segment):
             return [segment(*row) for row in rows.tolist()]
-        return [body.replace(mass=mass, inertia=inertia) for mass, _, _, inertia, _ in rows.tolist()]
+        return [body.replace(mass=m, inertia=inertia, drag_area=area) for m, _, _, inertia, _, area in rows.tolist()]
 
     def _scales(self) -> dict[str, float]:
         """How much of each parameter is a great change: what is always positive need not vanish."""
@@ -386,7 +388,7 @@ class Neighbours:
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
         zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
         zones = [(f"zone_{k}_{name}", scale) for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()]
-        halves = ["stiffness", "length", "gravity", "mass", "inertia", *(["radius"] if self.crests else [])]
+        halves = ["stiffness", "length", "gravity", "air_density", "mass", "inertia", "drag_area", *(["radius"] if self.crests else [])]
         halves += [f"zone_{k}_stiffness" for k in range(1, MOST_ZONES + 1)]
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
@@ -438,7 +440,7 @@ class Neighbours:
         for one in misplaced_zones(np.moveaxis(zones[:, :, :2], 0, 2), slopes[:, 1]):
             fine &= ~one.wrong
         if segments:
-            fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha in bodies.tolist()], bool)
+            fine &= np.array([holds_its_mass_centre(r, h, alpha) for _, r, h, _, alpha, _ in bodies.tolist()], bool)
         found = np.flatnonzero(fine)
         records, slope = self.records(bodies[found]), self.descent.slope
         ground, lanes = Grounds.of((slope.vertices,)), np.arange(float(len(found)))

@@ -56,12 +56,13 @@ def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
         arm += f" ({law.corner_rolling_arm:.4g} m at a corner)"
     length = f"length {slope.length:.4g} m" if math.isfinite(slope.length) else "without end"
     zones = "".join(f"{_zone_words(zone)}\n" for zone in slope.zones)
+    air = f"air: density {slope.air_density:.4g} kg/m^3, drag area {body.drag_area:.4g} m^2\n" if body.drag_area else ""
     return (
         f"body: {_body_words(body)}\n"
         f"contact: stiffness {quantity(law.stiffness, 'N/m')}, restitution {law.restitution:.3f}, "
         f"friction {law.friction:.3f}, {arm}\n"
         f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2"
-        f"{_profile_words(slope)}\n{zones}"
+        f"{_profile_words(slope)}\n{air}{zones}"
         f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
         f"speed {launch.u:.3f} m/s, clearance {clear:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
     )

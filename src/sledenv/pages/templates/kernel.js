@@ -17,7 +17,7 @@ class Kernel {
     this.free = 0; // where the next table begins
   }
 
-  /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, arcs }, law, slope with its
+  /* One descent. Given as descent_input in pages/kernel.py writes it: body { mass, inertia, drag_area, arcs }, law, slope with its
      zones, its profile and the rounding of that, launch and limits as objects of numbers with the fields of the kernel's
      tuples, solver "compliant" or "rigid", of which the law may have a settle_speed. Limits that are missing are those
      of the default settings. With rows: false there is no trajectory. With ride: { rotor_inertia [kg m^2],
@@ -187,11 +187,11 @@ class Kernel {
     return place;
   }
 
-  #body({ mass, inertia, arcs }) {
+  #body({ mass, inertia, drag_area, arcs }) {
     const bodies = this.#table("BODY", 1);
     const [, , most] = this.layout.records.BODY.fields.begin;
     if (arcs.length > most) throw new RangeError(`body.arcs holds ${arcs.length}: must hold at most ${most}`);
-    for (const [name, value] of Object.entries({ mass, inertia, count: arcs.length }))
+    for (const [name, value] of Object.entries({ mass, inertia, drag_area, count: arcs.length }))
       this.#set("BODY", name, bodies.place, value);
     arcs.forEach((arc, i) => {
       for (const name of this.layout.arc) this.#set("BODY", name, bodies.place, arc[name], i);

@@ -165,7 +165,8 @@ function drawTable() {
 /* What was put in: the energy at launch, and the height that the body has come down. */
 function drawLedger() {
   const { outcome: O } = shown;
-  const losses = D.losses.map((name) => [`lost by ${name}`, O[name]]);
+  const felt = D.flight_losses.filter((name) => O[name] > 0);
+  const losses = [...D.losses, ...felt].map((name) => [`lost by ${name}`, O[name]]);
   const parts = [["still in motion", O.kinetic], ["stored in the contact", O.stored], ...losses];
   const colours = ["#0072b2", "#009e73", "#d55e00", "#e69f00", "#cc79a7"];
   const total = O.initial - O.potential;

@@ -90,8 +90,9 @@ function sceneOf() {
     : here().law.asymmetry;
   const law = { stiffness: valueOf("stiffness"), asymmetry };
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
-  const { gravity } = here().slope;
-  const slope = { angle: valueOf("angle"), length: valueOf("length"), gravity, zones: zonesOf(), ...groundOf() };
+  const { gravity, air_density } = here().slope;
+  const own = { angle: valueOf("angle"), length: valueOf("length"), gravity, air_density };
+  const slope = { ...own, zones: zonesOf(), ...groundOf() };
   if (chosen.solver === "rigid") {
     law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
     law.settle_speed = settle;
@@ -220,7 +221,8 @@ function pythonOf({ scene, launch, input }) {
   const listed = (words) => words.map((one, i) => (i % 4 ? ` ${one},` : `\n    ${one},`)).join("");
   const pairs = slope.profile.map((vertex) => `(${vertex.map(number).join(", ")})`);
   const profile = pairs.length ? `, profile=[${listed(pairs)}\n]${roundingText(slope.rounding)}` : "";
-  const { angle, length, gravity } = slope;
+  const { angle, length, gravity, air_density } = slope;
+  const air = body.drag_area > 0 ? `, air_density=${number(air_density)}` : "";
   const endless = [length, ...slope.zones.map(({ end }) => end), ...slope.rounding].includes(Infinity);
   return [
     ...(endless ? ["import math"] : []),
@@ -229,7 +231,7 @@ function pythonOf({ scene, launch, input }) {
     "",
     `body = ${python}${replaced}`,
     `law = sledenv.ContactLaw(${spelled({ stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm })})`,
-    `slope = sledenv.Slope(${spelled({ angle, length, gravity })}, zones=[${zones ? `\n${zones}` : ""}]${profile})`,
+    `slope = sledenv.Slope(${spelled({ angle, length, gravity })}, zones=[${zones ? `\n${zones}` : ""}]${profile}${air})`,
     `launch = sledenv.State(${spelled(launch)})`,
     `descent = sledenv.simulate(body, law, slope, launch, solver="${solver}", ${settings})`,
     "print(descent.status, float(descent.jam.reward))",

@@ -1,0 +1,215 @@
+"""Drag of the air against closed forms, an integrator that knows nothing of series, and the energy that is lost."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.ride import Ride
+from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.sensitivity import sensitivity
+from sledenv.simulation.settings import Settings
+from sledenv.simulation.shapes import disc, polygon, rod
+from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.sleds import sled
+
+G = 9.81
+AREA, DENSITY = 0.05, 1.2
+BALL = disc(2.0, 0.1).replace(drag_area=AREA)
+RATE = 0.5 * DENSITY * AREA / 2.0  # [1/m]
+TERMINAL = math.sqrt(G / RATE)
+LEVEL = Slope(0.0, air_density=DENSITY)
+LAW = ContactLaw(1e6, 0.5, 0.1, 1e-4)
+EXACT = pytest.approx
+
+
+def after(time: float, launch: State, body: Body = BALL, slope: Slope = LEVEL, **options: Any) -> Descent:
+    """A descent up to a time, without a rebound before."""
+    return simulate(body, LAW, slope, launch, Settings(max_time=time, **options))
+
+
+@pytest.mark.parametrize("time", [1e-4, 0.3, 5.0, 60.0])
+def test_a_fall_from_rest_follows_the_hyperbolic_tangent(time):
+    """Oracle: v = V tanh(g t / V) and its integral; the drag is left out while it is too faint for a series."""
+    fallen = TERMINAL**2 / G * math.log(math.cosh(G * time / TERMINAL))
+    end = after(time, State(0.0, 3000.0, 0.0)).state
+    assert end.v == EXACT(-TERMINAL * math.tanh(G * time / TERMINAL), rel=1e-12)
+    assert 3000.0 - end.y == EXACT(fallen, rel=1e-12, abs=1e-12)
+
+
+def test_a_throw_upward_follows_the_tangent_and_turns_where_the_speed_is_zero():
+    """Oracle: v = V tan(arctan(v0 / V) - g t / V) up to the top, whose time and height are known."""
+    up = 60.0
+    top = TERMINAL / G * math.atan(up / TERMINAL)
+    height = TERMINAL**2 / (2.0 * G) * math.log1p((up / TERMINAL) ** 2)
+    for time in (0.3 * top, 0.9 * top):
+        end = after(time, State(0.0, 1000.0, 0.0, 0.0, up)).state
+        assert end.v == EXACT(TERMINAL * math.tan(math.atan(up / TERMINAL) - G * time / TERMINAL), rel=1e-12)
+    end = after(top + 2.0, State(0.0, 1000.0, 0.0, 0.0, up)).state
+    assert end.v == EXACT(-TERMINAL * math.tanh(G * 2.0 / TERMINAL), rel=1e-11)
+    assert end.y - 1000.0 == EXACT(height - TERMINAL**2 / G * math.log(math.cosh(G * 2.0 / TERMINAL)), rel=1e-11)
+
+
+def test_the_speed_of_a_long_fall_and_of_a_long_slide_is_the_terminal_one():
+    """Oracle: drag equals weight, or what of it friction leaves along a slope."""
+    assert after(400.0, State(0.0, 1e5, 0.0)).state.v == EXACT(-TERMINAL, rel=1e-12)
+    angle, friction, plate = 0.2, 0.05, rod(80.0, 1.0, 0.1).replace(drag_area=AREA)
+    law = ContactLaw(1e6, 0.5, friction, 0.0)
+    end = simulate(
+        plate, law, Slope(angle), State(0.0, 0.05, 0.0, 5.0), Settings(max_time=900.0, solver="rigid")
+    ).state
+    left = G * (math.sin(angle) - friction * math.cos(angle))
+    assert end.u == EXACT(math.sqrt(left / (0.5 * 1.2 * AREA / 80.0)), rel=1e-12)
+
+
+def test_a_slide_up_a_slope_follows_the_tangent_until_it_stops():
+    """Oracle: u = U tan(arctan(u0 / U) - a t / U), with the deceleration a of gravity and friction and U^2 = a / k."""
+    angle, friction, speed = 0.1, 0.3, 20.0
+    plate, law = rod(5.0, 1.0, 0.1).replace(drag_area=AREA), ContactLaw(1e6, 0.5, friction, 0.0)
+    slope, launch = Slope(-angle, air_density=1.2), State(0.0, 0.05, 0.0, speed)
+    rate = 0.5 * 1.2 * AREA / 5.0
+    slows = G * (math.sin(angle) + friction * math.cos(angle))
+    scale = math.sqrt(slows / rate)
+    stops = scale / slows * math.atan(speed / scale)
+    for time in (0.2 * stops, 0.8 * stops):
+        end = simulate(plate, law, slope, launch, Settings(max_time=time, solver="rigid")).state
+        assert end.u == EXACT(scale * math.tan(math.atan(speed / scale) - slows * time / scale), rel=1e-12)
+    whole = simulate(plate, law, slope, launch, Settings(solver="rigid"))
+    assert whole.status == "jammed"
+    assert whole.time == EXACT(stops, rel=1e-9)
+    assert whole.state.x == EXACT(math.log1p((speed / scale) ** 2) / (2.0 * rate), rel=1e-9)
+
+
+@pytest.mark.parametrize("area", [1e-3, 0.05, 3.0])
+def test_an_oblique_flight_is_that_of_an_integrator(area):
+    """Oracle: Runge and Kutta of order 8, with tolerances of 1e-13."""
+    slope, launch, rate = Slope(0.3, air_density=DENSITY), State(1.0, 80.0, 0.2, 25.0, 9.0, 3.0), 0.15 * DENSITY * area
+
+    def slope_of(_: float, y: np.ndarray) -> list[float]:
+        speed = math.hypot(y[2], y[3])
+        return [y[2], y[3], G * math.sin(0.3) - rate * speed * y[2], -G * math.cos(0.3) - rate * speed * y[3]]
+
+    body = disc(0.5 * 1.0 / 0.15, 0.1).replace(drag_area=area)
+    found = solve_ivp(slope_of, (0.0, 2.5), [1.0, 80.0, 25.0, 9.0], method="DOP853", rtol=1e-13, atol=1e-13)
+    end = after(2.5, launch, body, slope).state
+    assert [end.x, end.y, end.u, end.v] == EXACT(found.y[:, -1].tolist(), rel=1e-11)
+    assert end.omega == 3.0
+
+
+def test_an_error_falls_with_the_tolerance():
+    """Oracle: the closed form of a fall through a fluid, where drag is strong."""
+    body, slope = disc(0.05, 0.1).replace(drag_area=0.03), Slope(0.0, air_density=1000.0)
+    rate = 0.5 * 1000.0 * 0.03 / 0.05
+    speed, errors = 40.0, []
+    terminal = math.sqrt(G / rate)
+    for tolerance in (1e-6, 1e-9, 1e-12):
+        end = after(0.05, State(0.0, 100.0, 0.0, 0.0, -speed), body, slope, tolerance=tolerance).state
+        # Faster than the terminal speed: v = -V coth(g t / V + arcoth(v0 / V)).
+        right = terminal / math.tanh(G * 0.05 / terminal + math.atanh(terminal / speed))
+        errors.append(abs(end.v + right) / right)
+    assert errors[0] < 1e-5
+    assert errors[1] < 1e-8
+    assert errors[2] < 1e-11
+
+
+def test_what_the_air_takes_is_told_along_the_way_and_in_the_ledger():
+    """Oracle: the integral of drag times speed along the rows; the books close."""
+    body = sled().replace(drag_area=0.08)
+    slope = Slope(math.radians(8.0), 200.0, profile=[(5.0, 0.0), (8.0, 0.4), (12.0, 0.0), (30.0, -0.5)], rounding=4.0)
+    found = simulate(body, LAW._replace(friction=0.01), slope, State(0.0, 0.3, 0.0, 15.0), record="trajectory")
+    rows, energy = found.trajectory, found.energy
+    assert found.rebounds.size > 0
+    lost = rows["drag"]
+    assert (np.diff(lost) >= 0.0).all()
+    assert lost[-1] == energy.drag
+    speed, t = np.hypot(rows["u"], rows["v"]), rows["t"]
+    power = 0.5 * 1.2 * 0.08 * speed**3
+    assert energy.drag == EXACT(float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(t))), rel=1e-3)
+    assert energy.drag > 100.0
+    assert abs(energy.residual) < 1e-11 * energy.turnover
+
+
+BODIES = {
+    "sled": sled(),
+    "disc": disc(2.0, 0.1),
+    "triangle": polygon(0.5, [(-0.4, -0.1), (0.4, -0.1), (0.1, 0.2)], 0.02),
+    "rod": rod(5.0, 1.0, 0.1),
+}
+
+
+@given(
+    st.sampled_from(sorted(BODIES)),
+    st.floats(-4.0, 1.0),
+    st.sampled_from([0.0, 1.2, 1000.0]),
+    st.sampled_from(["compliant", "rigid"]),
+    st.floats(0.0, 0.6),
+    st.sampled_from([0.0, 0.02, 0.4]),
+    st.floats(0.05, 1.0),
+    st.floats(4.0, 7.5),
+    st.booleans(),
+    st.integers(0, 2**32 - 1),
+)
+def test_books_close_and_a_mirror_image_descends_alike(
+    name, area, density, solver, angle, friction, bounce, stiff, over_ground, seed
+):
+    """Oracle: the energy that is left; the same numbers with the other sign; hops that follow each other."""
+    rng = np.random.default_rng(seed)
+    body = BODIES[name].replace(drag_area=10.0**area)
+    law = ContactLaw.from_restitution(bounce, stiffness=10.0**stiff, friction=friction, rolling_arm=1e-3)
+    vertices = np.column_stack([np.cumsum(rng.uniform(0.5, 2.0, 10)), rng.uniform(-0.2, 0.2, 10)])
+    over_ground = over_ground and solver == "compliant"
+    slope = Slope(angle, 30.0, profile=vertices if over_ground else (), rounding=0.5, air_density=density)
+    motion = rng.choice([0.0, 1.0]) * rng.normal(0.0, 8.0, 3)
+    launch = State(0.0, body.size + rng.uniform(0.0, 1.0), rng.uniform(-3.0, 3.0), *motion)
+    settings = Settings(max_time=20.0, solver=solver)
+    found = simulate(body, law, slope, launch, settings)
+    assert found.status not in ("step_budget", "non_finite")
+    assert found.energy.drag >= 0.0
+    assert abs(found.energy.residual) < 1e-9 * found.energy.turnover
+    if density == 0.0:
+        without = simulate(BODIES[name], law, slope, launch, settings)
+        assert without.outcome == found.outcome
+    both = simulate_batch(body, law, slope, [launch, launch], settings).outcomes
+    assert both.tobytes() == np.array([found.outcome] * 2, both.dtype).tobytes()
+
+
+def test_hops_one_after_the_other_are_the_whole_descent():
+    """A hop goes back to where a long flight begins: what the air takes there is not booked twice."""
+    body, slope, launch = sled().replace(drag_area=0.3), Slope(math.radians(15.0), 60.0), State(0.0, 0.6, 0.1, 8.0)
+    whole = simulate(body, LAW, slope, launch)
+    hops = Ride(body, LAW, slope, launch, shortest_flight=0.05)
+    while hops.hop() == "running":
+        pass
+    assert hops.descent().outcome == whole.outcome
+    assert whole.energy.drag > 0.0
+
+
+def test_a_derivative_by_the_drag_area_is_that_of_the_closed_form():
+    """Oracle: the derivative of the speed of a fall, V tanh(g t / V), by differences of the closed form."""
+    time = 4.0
+    found = sensitivity(
+        BALL, LAW, LEVEL, State(0.0, 500.0, 0.0), Settings(max_time=time), parameters=("drag_area", "air_density")
+    )
+
+    def speed(area: float) -> float:
+        terminal = math.sqrt(G / (0.5 * DENSITY * area / 2.0))
+        return -terminal * math.tanh(G * time / terminal)
+
+    right = (speed(AREA + 1e-5) - speed(AREA - 1e-5)) / 2e-5
+    assert found.of_end("v", "drag_area") == EXACT(right, rel=1e-7)
+    assert found.of_end("v", "air_density") == EXACT(right * AREA / DENSITY, rel=1e-7)
+
+
+def test_what_is_no_area_or_density_is_refused():
+    with pytest.raises(ValueError, match=r"drag_area = -1.0: must be in \[0, inf\)"):
+        BALL.replace(drag_area=-1.0)
+    with pytest.raises(ValueError, match=r"Slope.air_density = nan"):
+        Slope(0.1, air_density=math.nan)
