@@ -16,7 +16,7 @@ from sledenv.scenarios.rocks import RockBody
 from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
 from sledenv.simulation.records import MOST_ARCS
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, Profile, checked_profile
+from sledenv.simulation.scene import AIR_DENSITY, MOST_VERTICES, STEEPEST, Profile, checked_profile
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 
@@ -214,7 +214,7 @@ class SlopeSection(Section):
     angle_deg: Annotated[Pair, Range("(-90, 90) deg")]  # positive downhill
     length_m: Annotated[float, Quantity("(0, inf) m")]
     gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
-    air_density_kg_m3: Annotated[float, Quantity("[0, inf) kg/m^3")] = 1.2  # felt by bodies with a drag area
+    air_density_kg_m3: Annotated[float, Quantity("[0, inf) kg/m^3")] = AIR_DENSITY  # felt by bodies with a drag area
     run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the line, where a crash still counts
     profile_m: Annotated[tuple[Pair, ...] | None, Points("(-inf, inf) m", 2, MOST_VERTICES)] = None
     rounding_m: Annotated[float | tuple[float, ...], OneOrSeveral("[0, inf) m")] = 0.0  # of its vertices

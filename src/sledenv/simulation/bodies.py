@@ -237,7 +237,7 @@ def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str
     Parameters
     ----------
     bodies : Body, sequence of Body, or ndarray
-        One, or as many as lanes: bodies, the fields of segments, shape (N, 6), or records of kernel.outline.BODY, shape
+        One, or as many as lanes: bodies, the fields of segments without drag, shape (N, 5), or records of kernel.outline.BODY, shape
         (1,) or (N,), that are complete.
     lanes : int
         How many descents there are.
@@ -277,10 +277,10 @@ def _records_of_table(table: Any, lanes: int, name: str) -> np.ndarray:
         if len(table) != 1:
             _check_count(table, lanes, name)
         return np.ascontiguousarray(table)
-    rows = checked_table(name, table, Segment.fields)
+    rows = checked_table(name, table, Segment.fields[:-1])
     _check_count(rows, lanes, name)
     check_bodies(f"{name}[{{lane}}]", rows)
-    return segment_records(rows)
+    return segment_records(np.column_stack([rows, np.zeros(len(rows))]))
 
 
 def _records_of_each(bodies: Sequence[Body], name: str) -> np.ndarray:
@@ -417,7 +417,7 @@ def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) 
 
 
 def check_bodies(owner: str, rows: Floats) -> None:
-    """Check the fields of many segments at once, shape (N, 6): as ``checked_rows`` does, and where mass centres are.
+    """Check the fields of many segments without drag at once, shape (N, 5): as ``checked_rows`` does, and where mass centres are.
 
     Raises
     ------
@@ -425,10 +425,10 @@ def check_bodies(owner: str, rows: Floats) -> None:
         Naming row, field, value and allowed range; ``{lane}`` in ``owner`` becomes the number of the row.
     """
     checked_rows(owner, Segment, rows)
-    _, radius, eccentricity, _, half_angle, _ = rows.T
+    _, radius, eccentricity, _, half_angle = rows.T
     doubtful = ~((radius * np.maximum(np.cos(half_angle), 0.0) <= eccentricity) & (eccentricity <= radius))
     for lane in np.flatnonzero(doubtful).tolist():
-        _, r, h, _, alpha, _ = rows[lane].tolist()
+        _, r, h, _, alpha = rows[lane].tolist()
         if not holds_its_mass_centre(r, h, alpha):
             raise _outside(owner.format(lane=lane), r, h, alpha)
 

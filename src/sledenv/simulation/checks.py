@@ -20,6 +20,7 @@ from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
 from sledenv.simulation.scene import (
+    AIR_DENSITY,
     ContactLaw,
     Profile,
     Slope,
@@ -170,17 +171,23 @@ def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
 
 
 def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
-    """Rows of one or of N slopes with their zones, shape (1 or N, 4 + 7 zones); see :mod:`sledenv.kernel.params`."""
+    """Rows of one or of N slopes with their zones, shape (1 or N, 4 + 7 zones); see :mod:`sledenv.kernel.params`.
+
+    What is given as numbers has no column of the air density: it is the usual one.
+    """
     if isinstance(given, Slope):
         return np.array([given.row])
+    with_air = isinstance(given, SlopeTable)
     if isinstance(given, SlopeTable):
         given = given.rows
     _check_rows("slope", Slope, given, lanes)
-    fields = params.Slope._fields
+    fields = params.Slope._fields if with_air else params.Slope._fields[:-1]
+    density: Any = AIR_DENSITY
     if isinstance(given, np.ndarray) or is_frame(given):
         widest = given.shape[1] if len(given.shape) == 2 else 0
     else:
-        given = [one.row if isinstance(one, Slope) else one for one in given]
+        density = [one.air_density if isinstance(one, Slope) else AIR_DENSITY for one in given]
+        given = [(*one.row[: len(fields)], *one.row[_SLOPE:]) if isinstance(one, Slope) else one for one in given]
         widest = max(map(_width, given))
         given = [(*one, *[math.nan] * (widest - _width(one))) if _width(one) >= len(fields) else one for one in given]
     zones = max((widest - len(fields)) // len(Zone._fields), 0)
@@ -190,7 +197,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     if zones > MOST_ZONES:
         raise ValueError(f"slope has columns of {zones} zones: must be at most {MOST_ZONES}")
     check_zones(rows[:, len(fields) :].reshape(len(rows), zones, len(Zone._fields)), rows[:, fields.index("length")])
-    return rows
+    return rows if with_air else np.insert(rows, len(fields), density, axis=1)
 
 
 def _grounds_of(given: Slopes) -> Grounds:

@@ -30,6 +30,7 @@ Floats = NDArray[np.float64]
 Profile = tuple[tuple[float, float, float], ...]  # vertices x, y and the radii with which they are rounded [m]
 
 MOST_VERTICES: Final = 16384
+AIR_DENSITY: Final = 1.2  # [kg/m^3] at sea level and some 20 degrees
 STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
 STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none, if rounding of its place makes no larger one
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
@@ -373,7 +374,7 @@ class Slope(Checked, _SlopeFields):
         zones: Iterable[Zone] = (),
         profile: Sequence[Sequence[float]] | np.ndarray = (),
         rounding: float | Sequence[float] | np.ndarray = 0.0,
-        air_density: float = 1.2,
+        air_density: float = AIR_DENSITY,
     ) -> Self:
         given = zip(params.Slope._fields, (angle, length, gravity, air_density), cls.rules, strict=True)
         angle, length, gravity, air_density = (checked("Slope", name, value, rule) for name, value, rule in given)
