@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -243,3 +244,27 @@ def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: 
     """Oracle: the message, which has the name, the value and what is allowed."""
     with pytest.raises((TypeError, ValueError), match=f"^{re.escape(message)}"):
         call()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        pytest.param(Decimal(1), id="Decimal"),
+        pytest.param(bytearray(b"1"), id="bytearray"),
+        pytest.param(memoryview(b"1"), id="memoryview"),
+        pytest.param(np.timedelta64(1, "s"), id="timedelta64"),
+    ],
+)
+def test_what_is_no_real_number_is_none_of_a_body(value: Any) -> None:
+    """Oracle: the error that words have; float() or NumPy would make 1.0 of each."""
+    for call in (
+        lambda: sledenv.disc(value, 1.0),
+        lambda: sledenv.sled(value),
+        lambda: sledenv.sled(sled_mass=value),
+        lambda: sledenv.Body(value, 1.0, DISC.arcs),
+    ):
+        with pytest.raises(TypeError, match=r"mass = .*: must be a number in \[1e-50, 1e\+50\]"):
+            call()
+    for points in ([(0.0, 0.0), (value, 0.0), (0.0, 1.0)], value):
+        with pytest.raises(TypeError, match=r"polygon\.points.*: must (hold|be) numbers"):
+            sledenv.polygon(1.0, points)
