@@ -223,7 +223,7 @@ def with_options(options: Any) -> Any:
         (lambda: sledenv.polygon(1.0, [(0, 0), (10**400, 0), (1, 1)]), "polygon.points holds 1000000"),
         (lambda: sledenv.polygon(1.0, [(0, 0), (1e200, 0), (1, 1)]), "polygon.points[1] = 1e+200: must be in [-1e+50"),
         (
-            lambda: sledenv.hull(1.0, 1.0, [(0, 0, 1e60)], ["a"]),
+            lambda: sledenv.hull(1.0, [(0, 0, 1e60)]),
             "hull.circles[0] = 1e+60: must be in [-1e+50",
         ),
         (lambda: sledenv.Settings(max_rebounds=10**400), "Settings.max_rebounds = 1000000"),

@@ -51,6 +51,11 @@ class Outline(NamedTuple):
     steps: Floats  # [m] how much higher the next arc is where it should be as low as this one
     rounding: Floats  # [m] shortest side that is not a smooth join
 
+    @property
+    def holds_the_mass_centre(self) -> bool:
+        """Whether the mass centre lies within the outline or on it, but for rounding."""
+        return self.lowest >= -float(self.rounding.max())
+
 
 def sines_and_cosines(angles: Floats) -> tuple[Floats, Floats]:
     """Sine and cosine of many angles [rad] within a few turns, of any shape: the same bits on every platform."""
@@ -123,7 +128,7 @@ def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
     _check_size(owner, arcs, outline.size)
     for k in range(len(arcs) if len(arcs) > 1 else 0):
         _check_join(owner, arcs, outline, k)
-    if outline.lowest < -max(_ROUNDED * outline.size, _ROUNDED_ARC * max(arc.radius for arc in arcs)):
+    if not outline.holds_the_mass_centre:
         raise ValueError(
             f"{owner}.arcs: the outline passes the mass centre at {outline.lowest!r} m: must be >= 0, or the mass "
             "centre would pass below the slope"
@@ -245,7 +250,7 @@ def polygon_of(points: Floats, rounding: float, parts: Sequence[str], sides: Seq
         k = int(turns.argmin())
         raise ValueError(
             f"polygon.points[{k}] = {points[k].tolist()!r}: the polygon must be strictly convex; the outline must turn "
-            f"by {SHORTEST} rad or more at each corner, and once around in all"
+            f"by {SHORTEST} rad or more at each corner, and once around in all; a hull leaves out what lies within"
         )
     if rounding > 0.0:
         cosines = (before * after).sum(axis=1)
@@ -290,6 +295,47 @@ def hull_of_circles(circles: Floats, parts: Sequence[str], sides: Sequence[str])
         arcs.append(now)
     largest = float(np.abs(circles).max())
     raise ValueError(f"circles: no hull can be told of them, the largest of their numbers being {largest:g} m")
+
+
+def fewer_circles(circles: Floats, most: int) -> tuple[list[int], float]:
+    """Choose circles whose hull has few arcs and hardly differs from the hull of all.
+
+    Parameters
+    ----------
+    circles : ndarray, shape (N, 3)
+        x, y, radius [m].
+    most : int
+        How many arcs the hull may have.
+
+    Returns
+    -------
+    chosen : list of int
+        Their rows, in order. Each is the one that stuck out farthest of the hull of those before, in 3,600 directions.
+    depth : float
+        By how much [m] their hull lies within that of all, at most.
+    """
+    heights = _heights(circles, np.linspace(-math.pi, math.pi, 3600, endpoint=False))
+    reached, chosen, arcs = heights.min(axis=0), list[int](), tuple[Arc, ...]()
+    while True:
+        beyond = (heights - reached).max(axis=1)
+        k = int(beyond.argmax())
+        names = [""] * (len(chosen) + 1)
+        more = hull_of_circles(circles[[*chosen, k]], names, names)
+        if chosen and (len(more) > most or beyond[k] <= SHORTEST * np.abs(circles).max()):
+            break
+        chosen.append(k)
+        reached, arcs = np.maximum(reached, heights[k]), more
+    # How far a circle sticks out of the hull is largest towards it from an arc, or where an arc ends.
+    apart = (circles[:, np.newaxis, :2] - circles[chosen, :2]).reshape(-1, 2)
+    angles = np.append(np.arctan2(-apart[:, 0], -apart[:, 1]), [arc.begin for arc in arcs])
+    heights = _heights(circles, angles)
+    return sorted(chosen), float((heights.max(axis=0) - heights[chosen].max(axis=0)).max())
+
+
+def _heights(circles: Floats, angles: Floats) -> Floats:
+    """Heights [m] of circles along the normals of orientations [rad], shape (circles, angles)."""
+    sine, cosine = sines_and_cosines(angles)
+    return circles[:, :2] @ -np.stack([sine, cosine]) + circles[:, 2:]
 
 
 def _not_within(circles: list[Arc]) -> list[Arc]:
