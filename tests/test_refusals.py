@@ -22,6 +22,7 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.identification.tracks import identify_tracks
+from sledenv.simulation.shapes import lamina
 
 ID = "sledenv/SledLaunch-v0"
 DISC, LAW, INCLINE = sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1)
@@ -226,6 +227,12 @@ def with_options(options: Any) -> Any:
             lambda: sledenv.hull(1.0, [(0, 0, 1e60)]),
             "hull.circles[0] = 1e+60: must be in [-1e+50",
         ),
+        (lambda: lamina(1.0, []), "lamina.arcs has 0 arcs: must have 1 to "),
+        (lambda: lamina(1.0, 3), "lamina.arcs = 3: must be a sequence of arcs"),
+        (lambda: lamina(1.0, [(0.0, 0.0, "1", 0.0)]), "lamina.arcs[0].radius = '1': must be a number in [0, inf)"),
+        (lambda: lamina(1.0, [(0.0, 0.0, 1.0, 0.0)] * 2), "lamina.arcs[1].begin = 0.0: must rise from arc to arc"),
+        (lambda: lamina(1.0, DISC.arcs, 1.0, (2.0, 0.0)), "lamina.centre = (2.0, 0.0): must lie within the outline"),
+        (lambda: lamina(1.0, DISC.arcs, centre=(0.0, 0.0)), "lamina.inertia = None: must be given where lamina.cent"),
         (lambda: sledenv.Settings(max_rebounds=10**400), "Settings.max_rebounds = 1000000"),
         (lambda: resting(INCLINE._replace(zones=[(1, 2, 0.1, 0, 0)])), "Slope.zones has 1 entries: must be empty"),
         (lambda: resting(INCLINE._replace(profile=[(1, 0), (2, 1)])), "Slope.profile has 2 entries: must be empty"),

@@ -20,7 +20,7 @@ from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_sc
 from sledenv.simulation.bodies import Body, Segment, segment
 from sledenv.simulation.records import MOST_ARCS
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.shapes import circular_segment, hull, polygon
+from sledenv.simulation.shapes import circular_segment, hull, polygon, rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
@@ -96,7 +96,7 @@ def test_what_is_no_context_is_named(context: Any) -> None:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
-KINDS = "disc, segment, sled, polygon, hull, custom, rock, choice"
+KINDS = "disc, segment, sled, polygon, hull, arcs, custom, rock, choice"
 BOUNDS = "must be a pair [low, high] of numbers in"
 
 
@@ -438,6 +438,7 @@ LEAST = "must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = 
 KNOWN = "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg"
 
 
+DISC = {"x_m": 0, "y_m": 0, "radius_m": 0.5, "begin_rad": 0}
 ROUND = [[math.cos(k), math.sin(k), 0.1] for k in range(MOST_ARCS + 1)]
 
 
@@ -464,6 +465,9 @@ def cornered(*points: Any) -> dict[str, Any]:
         (POLYGON | {"parts": ["a"]}, "body: parts has 1 names: must have 4"),
         (POLYGON | {"sides": [1, "b", "c", "d"]}, "body.sides.0 = 1: must be text"),
         (POLYGON | {"sides": ["a", "b", "c", ""]}, "body: sides[3] = '': must have a letter"),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": []}, "body.arcs = []: must have at least 1 entry"),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC | {"begin": 0}]}, "body.arcs.0.begin = 0: unknown key (did you "),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC, DISC]}, "body: arcs[1].begin = 0.0: must rise from arc to arc"),
         ({"kind": "hull", "mass_kg": 2}, f"body.circles_m: missing; {CIRCLES}"),
         (HULL | {"circles_m": [[0, 0]]}, f"body.circles_m = [[0, 0]]: {CIRCLES}"),
         (HULL | {"circles_m": [[0, 0, -0.1]]}, "body: circles_m[0].radius = -0.1: must be 0 or in [1e-50, 1e+50]"),
@@ -513,6 +517,37 @@ def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: 
     around = orientation + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
     outline = state.y + shape.eccentricity * math.cos(state.phi) - shape.radius * np.cos(around)
     assert outline.min() == pytest.approx(context.drop, abs=1e-8)
+
+
+def by_arcs(body: Body) -> dict[str, Any]:
+    """Section of a body, told by its arcs."""
+    keys = ("x_m", "y_m", "radius_m", "begin_rad", "part", "side", "corner")
+    arcs = [dict(zip(keys, arc, strict=True)) for arc in body.arcs]
+    return {"kind": "arcs", "mass_kg": body.mass, "inertia_kg_m2": body.inertia, "centre_m": [0, 0], "arcs": arcs}
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        pytest.param(sled(), id="sled"),
+        pytest.param(rod(2.0, 1.5), id="rod"),
+        pytest.param(rod(2.0, 1.5, 0.2), id="bar"),
+        pytest.param(polygon(2.0, [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], 0.1), id="polygon"),
+        pytest.param(circular_segment(2.0, 0.5, 1.0), id="segment"),
+    ],
+)
+def test_any_body_can_be_told_by_its_arcs(body: Body, tmp_path: Path) -> None:
+    """Oracle: the body, whose arcs are written into a file; where it is uniform, that without its mass properties."""
+    section = by_arcs(body)
+    write_yaml(tmp_path / "arcs.yaml", changed(body=section))
+    (read,) = load_scenario(tmp_path / "arcs.yaml").all_bodies()
+    assert (read.mass, read.inertia, read.arcs) == (body.mass, body.inertia, body.arcs)
+    if body.parts[0] not in ("rider", "nose"):  # a sled is not uniform, and a line has no area
+        moved = [arc | {"x_m": arc["x_m"] + 2.0, "y_m": arc["y_m"] - 1.0} for arc in section["arcs"]]
+        uniform = section | {"inertia_kg_m2": None, "centre_m": None, "arcs": moved}
+        (found,) = Scenario.model_validate(changed(body=uniform)).all_bodies()
+        assert found.inertia == pytest.approx(body.inertia, rel=1e-12)
+        assert [arc.x for arc in found.arcs] == pytest.approx([arc.x for arc in body.arcs], abs=1e-14)
 
 
 @pytest.mark.parametrize("measured", [{}, MEASURED], ids=["uniform", "measured"])

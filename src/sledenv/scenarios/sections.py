@@ -17,8 +17,9 @@ from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Point, P
 from sledenv.scenarios.rocks import RockBody
 from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
+from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, Profile, checked_profile
-from sledenv.simulation.shapes import circular_segment, hull, polygon
+from sledenv.simulation.shapes import circular_segment, hull, lamina, polygon
 from sledenv.simulation.sleds import sled
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
@@ -133,15 +134,13 @@ class OutlinedBody(Section):
     mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
     inertia_kg_m2: Annotated[float | None, Quantity("[1e-250, 1e+150] kg m^2")] = None  # about the mass centre
     centre_m: Annotated[Pair | None, Point("[-1e+50, 1e+50] m")] = None  # the mass centre, in the frame of the outline
-    parts: tuple[StrictStr, ...] | None = None  # names of what the outline is made of,
-    sides: tuple[StrictStr, ...] | None = None  # and of the straight sides behind each
 
     @model_validator(mode="after")
     def _can_be_built(self) -> Self:
         try:
             self.build()
         except ValueError as error:
-            raise ValueError(re.sub(rf"{self.kind}\.(\w+)", self._key, str(error))) from None
+            raise ValueError(re.sub(r"\b(?:polygon|hull|lamina|Body)\.(\w+)", self._key, str(error))) from None
         return self
 
     @classmethod
@@ -160,6 +159,8 @@ class PolygonBody(OutlinedBody):
     kind: Literal["polygon"]
     points_m: Annotated[tuple[Pair, ...], Points("[-1e+50, 1e+50] m", 3, _ROWS)]  # in either direction of turn
     rounding_m: Annotated[float, Quantity("[0, 1e+50] m")] = 0.0  # radius of the corners
+    parts: tuple[StrictStr, ...] | None = None  # names of the corners
+    sides: tuple[StrictStr, ...] | None = None  # and of the sides, from each corner to the next one
 
     def build(self) -> Body:
         """Return the body of the simulator."""
@@ -175,10 +176,36 @@ class HullBody(OutlinedBody):
         tuple[tuple[float, float, float], ...],
         Points("[-1e+50, 1e+50] m", 1, _ROWS, "triples [x, y, radius]"),
     ]
+    parts: tuple[StrictStr, ...] | None = None  # names of the circles
+    sides: tuple[StrictStr, ...] | None = None  # and of the straight sides, behind each circle clockwise
 
     def build(self) -> Body:
         """Return the body of the simulator."""
         return hull(self.mass_kg, self.circles_m, self.parts, self.sides, self.inertia_kg_m2, self.centre_m)
+
+
+class ArcSection(Section):
+    """One arc of an outline: see :class:`sledenv.Arc`."""
+
+    x_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
+    y_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
+    radius_m: Annotated[float, Quantity("[0, 1e+50] m")]
+    begin_rad: Annotated[float, Quantity("[-3.141592653589793, 3.141592653589793) rad")]
+    part: StrictStr = "arc"
+    side: StrictStr = "side"
+    corner: StrictBool | None = None
+
+
+class ArcsBody(OutlinedBody):
+    """Any convex outline, told by its arcs."""
+
+    kind: Literal["arcs"]
+    arcs: Annotated[tuple[ArcSection, ...], Field(min_length=1)]
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        arcs = [Arc(*(value for _, value in arc)) for arc in self.arcs]
+        return lamina(self.mass_kg, arcs, self.inertia_kg_m2, self.centre_m)
 
 
 class CustomBody(Section):
@@ -206,7 +233,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | HullBody | CustomBody | RockBody
+OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | HullBody | ArcsBody | CustomBody | RockBody
 
 
 class ChoiceBody(Section):

@@ -75,13 +75,24 @@ def angle_of(sine: float, cosine: float) -> float:
 
 
 def checked_arcs(owner: str, given: Any) -> tuple[Arc, ...]:
-    """Return the arcs of an outline with floats for numbers, or raise an error.
+    """Return the arcs of an outline around the mass centre with floats for numbers, or raise an error.
 
     Raises
     ------
     TypeError, ValueError
         Naming the arc, its field, the value and what is allowed: see :class:`sledenv.Body`.
     """
+    arcs, outline = checked_outline(owner, given)
+    if not outline.holds_the_mass_centre:
+        raise ValueError(
+            f"{owner}.arcs: the outline passes the mass centre at {outline.lowest!r} m: must be >= 0, or the mass "
+            "centre would pass below the slope"
+        )
+    return arcs
+
+
+def checked_outline(owner: str, given: Any) -> tuple[tuple[Arc, ...], Outline]:
+    """Return the arcs of an outline in any frame, and its measures, as :func:`checked_arcs` does."""
     if isinstance(given, str | bytes) or not isinstance(given, Sequence):
         raise TypeError(f"{owner}.arcs = {given!r}: must be a sequence of arcs")
     if not 1 <= len(given) <= MOST_ARCS:
@@ -89,8 +100,7 @@ def checked_arcs(owner: str, given: Any) -> tuple[Arc, ...]:
     arcs = tuple(_checked_arc(f"{owner}.arcs[{k}]", arc) for k, arc in enumerate(given))
     if len(arcs) == 1:
         arcs = (arcs[0]._replace(begin=-math.pi),)
-    _check_outline(owner, arcs)
-    return arcs
+    return arcs, _joined(owner, arcs)
 
 
 def _checked_arc(owner: str, given: Any) -> Arc:
@@ -115,8 +125,8 @@ def _checked_arc(owner: str, given: Any) -> Arc:
     )
 
 
-def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
-    """Raise ValueError unless arcs follow one another on a convex outline around the mass centre."""
+def _joined(owner: str, arcs: tuple[Arc, ...]) -> Outline:
+    """Measure an outline, or raise ValueError unless its arcs follow one another and it is convex."""
     for k in range(len(arcs)):
         before = arcs[k - 1].begin - (TURN if k == 0 else 0.0)
         if not arcs[k].begin - before >= SHORTEST:
@@ -128,11 +138,7 @@ def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
     _check_size(owner, arcs, outline.size)
     for k in range(len(arcs) if len(arcs) > 1 else 0):
         _check_join(owner, arcs, outline, k)
-    if not outline.holds_the_mass_centre:
-        raise ValueError(
-            f"{owner}.arcs: the outline passes the mass centre at {outline.lowest!r} m: must be >= 0, or the mass "
-            "centre would pass below the slope"
-        )
+    return outline
 
 
 def _check_size(owner: str, arcs: tuple[Arc, ...], size: float) -> None:

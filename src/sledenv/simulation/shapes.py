@@ -14,6 +14,7 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outlines import (
     Arc,
     Floats,
+    checked_outline,
     fewer_circles,
     hull_of_circles,
     mass_properties,
@@ -96,15 +97,17 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
 # Other outlines.
 
 
-def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
-    """Return a uniform body whose arcs are given in any frame: docs/physics.md, section 8.
+def lamina(mass: float, arcs: Sequence[Arc], inertia: float | None = None, centre: ArrayLike | None = None) -> Body:
+    """Return a body whose arcs are given in any frame, uniform by default: docs/physics.md, section 8.
 
     Parameters
     ----------
     mass : float
         Mass [kg], > 0.
     arcs : sequence of Arc
-        As those of :class:`Body`, but from another point than the mass centre, which is that of the area.
+        As those of :class:`Body`, but from any point.
+    inertia, centre : optional
+        As for :func:`polygon`; both must be given where the outline has no area.
 
     Returns
     -------
@@ -113,11 +116,11 @@ def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
     Raises
     ------
     TypeError, ValueError
-        As :class:`Body` does, or if the outline has no area.
+        As :class:`Body` and :func:`polygon` do.
     """
     mass = checked("lamina", "mass", mass, MEASURE)
-    _, (x, y), inertia = mass_properties(arcs)
-    return Body(mass, mass * inertia, shifted(arcs, -x, -y))
+    arcs, _ = checked_outline("lamina", arcs)
+    return _weighed("lamina", mass, arcs, inertia, centre)
 
 
 def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | None = None) -> Body:
