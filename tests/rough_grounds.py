@@ -115,7 +115,7 @@ def hull(rng: Draw, size: float, count: int) -> sledenv.Body:
     if count == 2:  # so that the mass centre is within
         angles[1] = angles[0] + math.pi
     circles = np.column_stack([away * np.cos(angles), away * np.sin(angles), radii])
-    return sledenv.hull(mass, mass * (gyration * size) ** 2, circles.tolist(), [f"circle {k}" for k in range(count)])
+    return sledenv.hull(mass, circles.tolist(), inertia=mass * (gyration * size) ** 2, centre=(0.0, 0.0))
 
 
 def hull_of_two(rng: Draw, size: float) -> sledenv.Body:

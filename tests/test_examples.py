@@ -80,11 +80,19 @@ def test_the_lines_of_the_first_page_judge_a_policy(capsys):
     assert 0.0 <= run([steps])["reward"] <= 1.0
 
 
-def test_the_page_on_scenarios_writes_a_valid_one(tmp_path, monkeypatch, capsys):
+def test_the_page_on_scenarios_writes_a_valid_one_and_a_body(tmp_path, monkeypatch, capsys):
+    """Oracle: the body of the page in Python; the scenario takes it as it stands."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "my_mat.yaml").write_text(blocks("docs/scenarios.md", "yaml")[0])
-    assert run(blocks("docs/scenarios.md"))["env"].unwrapped.action_space.shape == (1,)
-    assert "friction" in capsys.readouterr().out
+    scenario, body = blocks("docs/scenarios.md", "yaml")
+    (tmp_path / "my_mat.yaml").write_text(scenario)
+    names = run(blocks("docs/scenarios.md"))
+    assert names["env"].unwrapped.action_space.shape == (1,)
+    printed = capsys.readouterr().out
+    assert "friction" in printed
+    assert printed.splitlines()[-1].startswith("0.138")
+    own = re.sub("^body: .*$", "", scenario.replace("touching: rider", "touching: head"), flags=re.MULTILINE)
+    (tmp_path / "own.yaml").write_text(own + body)
+    assert load_scenario(tmp_path / "own.yaml").all_bodies() == (names["measured"],)
 
 
 def test_the_scenario_of_the_page_on_tracks_draws_bumps(tmp_path):

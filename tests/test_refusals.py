@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from decimal import Decimal
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.identification.tracks import identify_tracks
+from sledenv.simulation.shapes import lamina
 
 ID = "sledenv/SledLaunch-v0"
 DISC, LAW, INCLINE = sledenv.disc(1.0, 0.5), ContactLaw(1e6, 0.5, 0.1, 0.0), Slope(0.1)
@@ -222,9 +224,15 @@ def with_options(options: Any) -> Any:
         (lambda: sledenv.polygon(1.0, [(0, 0), (10**400, 0), (1, 1)]), "polygon.points holds 1000000"),
         (lambda: sledenv.polygon(1.0, [(0, 0), (1e200, 0), (1, 1)]), "polygon.points[1] = 1e+200: must be in [-1e+50"),
         (
-            lambda: sledenv.hull(1.0, 1.0, [(0, 0, 1e60)], ["a"]),
+            lambda: sledenv.hull(1.0, [(0, 0, 1e60)]),
             "hull.circles[0] = 1e+60: must be in [-1e+50",
         ),
+        (lambda: lamina(1.0, []), "lamina.arcs has 0 arcs: must have 1 to "),
+        (lambda: lamina(1.0, 3), "lamina.arcs = 3: must be a sequence of arcs"),
+        (lambda: lamina(1.0, [(0.0, 0.0, "1", 0.0)]), "lamina.arcs[0].radius = '1': must be a number in [0, inf)"),
+        (lambda: lamina(1.0, [(0.0, 0.0, 1.0, 0.0)] * 2), "lamina.arcs[1].begin = 0.0: must rise from arc to arc"),
+        (lambda: lamina(1.0, DISC.arcs, 1.0, (2.0, 0.0)), "lamina.centre = (2.0, 0.0): must lie within the outline"),
+        (lambda: lamina(1.0, DISC.arcs, centre=(0.0, 0.0)), "lamina.inertia = None: must be given where lamina.cent"),
         (lambda: sledenv.Settings(max_rebounds=10**400), "Settings.max_rebounds = 1000000"),
         (lambda: resting(INCLINE._replace(zones=[(1, 2, 0.1, 0, 0)])), "Slope.zones has 1 entries: must be empty"),
         (lambda: resting(INCLINE._replace(profile=[(1, 0), (2, 1)])), "Slope.profile has 2 entries: must be empty"),
@@ -243,3 +251,27 @@ def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: 
     """Oracle: the message, which has the name, the value and what is allowed."""
     with pytest.raises((TypeError, ValueError), match=f"^{re.escape(message)}"):
         call()
+
+
+@pytest.mark.parametrize(
+    "value",
+    [
+        pytest.param(Decimal(1), id="Decimal"),
+        pytest.param(bytearray(b"1"), id="bytearray"),
+        pytest.param(memoryview(b"1"), id="memoryview"),
+        pytest.param(np.timedelta64(1, "s"), id="timedelta64"),
+    ],
+)
+def test_what_is_no_real_number_is_none_of_a_body(value: Any) -> None:
+    """Oracle: the error that words have; float() or NumPy would make 1.0 of each."""
+    for call in (
+        lambda: sledenv.disc(value, 1.0),
+        lambda: sledenv.sled(value),
+        lambda: sledenv.sled(sled_mass=value),
+        lambda: sledenv.Body(value, 1.0, DISC.arcs),
+    ):
+        with pytest.raises(TypeError, match=r"mass = .*: must be a number in \[1e-50, 1e\+50\]"):
+            call()
+    for points in ([(0.0, 0.0), (value, 0.0), (0.0, 1.0)], value):
+        with pytest.raises(TypeError, match=r"polygon\.points.*: must (hold|be) numbers"):
+            sledenv.polygon(1.0, points)

@@ -25,10 +25,11 @@ OUTLINES = {
     "pebble": polygon(3.0, STONE, rounding=0.1),
     "skate": hull(
         5.0,
-        0.9,
         [(-0.6, 0.0, 0.1), (0.5, 0.1, 0.3), (0.0, 0.5, 0.0)],
         ["heel", "toe", "top"],
         ["back", "front", "runner"],
+        inertia=0.9,
+        centre=(0.0, 0.0),
     ),
     "plank": shapes.rod(2.0, 1.5, 0.2),
 }

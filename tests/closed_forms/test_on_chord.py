@@ -146,7 +146,7 @@ def test_wrong_arguments_are_named() -> None:
     with pytest.raises(ValueError, match="side = '': the body has no"):
         chord_tipping_friction(SLED, law, "")
     with pytest.raises(ValueError, match="side = 'side': 2 sides of the body have this name"):
-        chord_rests(hull(1.0, 0.1, [(-1.0, 0.0, 0.2), (1.0, 0.0, 0.1)], ["tail", "nose"]), law, Slope(0.1), "side")
+        chord_rests(hull(1.0, [(-1.0, 0.0, 0.2), (1.0, 0.0, 0.1)], sides=["side", "side"]), law, Slope(0.1), "side")
     with pytest.raises(ValueError, match=r"time = -1\.0: must be in \[0, inf\) s"):
         chord_slide(law, Slope(0.1), 1.0, -1.0)
     with pytest.raises(ValueError, match="gravity = 0"):

@@ -51,4 +51,10 @@ def of_body(body: Body, law: ContactLaw, e: float, rng: np.random.Generator, n: 
 DISC = segment(2.0, 0.1, 0.0, 0.01)
 ECCENTRIC = segment(2.0, 0.1, 0.05, 0.01)
 SEGMENT = circular_segment(3.0, 0.2, math.radians(70.0))
-SKATE = hull(3.0, 0.03, [(-0.15, 0.0, 0.04), (0.1, 0.02, 0.08), (0.0, 0.12, 0.0)], ["heel", "toe", "top"])
+SKATE = hull(
+    3.0,
+    [(-0.15, 0.0, 0.04), (0.1, 0.02, 0.08), (0.0, 0.12, 0.0)],
+    ["heel", "toe", "top"],
+    inertia=0.03,
+    centre=(0.0, 0.0),
+)

@@ -72,7 +72,7 @@ def _body(rng: np.random.Generator) -> Body:
         case 1:
             angles = np.arange(4) * math.tau / 4.0 + rng.uniform(0.0, 1.0, 4)
             circles = [(size * math.cos(t), size * math.sin(t), size * rng.uniform(0.02, 0.3)) for t in angles]
-            return hull(mass, mass * size**2 * rng.uniform(0.3, 1.0), circles, list("abcd"))
+            return hull(mass, circles, inertia=mass * size**2 * rng.uniform(0.3, 1.0), centre=(0.0, 0.0))
         case 2:
             angles = np.sort(rng.uniform(0.0, math.tau / 5.0, 5)) * 0.8 + np.arange(5) * math.tau / 5.0
             corners = [(size * math.cos(angle), size * math.sin(angle)) for angle in angles]

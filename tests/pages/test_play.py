@@ -69,12 +69,13 @@ def test_every_scenario_has_a_page_that_refers_to_nothing_outside(name: str) -> 
     assert "default-src 'none'" in page
 
 
-def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of() -> None:
+@pytest.mark.parametrize("name", ["boulders", "measured"])
+def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of(name: str) -> None:
     """Oracle: the file of the kernel; the bodies that the lines of Python make."""
-    data = data_of(page_of(own_scenario("boulders")))
+    data = data_of(page_of(own_scenario(name)))
     assert zlib.decompress(base64.b64decode(data["kernel"])) == KERNEL.read_bytes()
     bodies = json.loads(data["exact"])["bodies"]
-    assert len(bodies) > len(load_scenario(own_scenario("boulders")).all_bodies()) > 1
+    assert len(bodies) > len(load_scenario(own_scenario(name)).all_bodies()) > 1
     for body in bodies:
         made = eval(body["python"], {"sledenv": sledenv, "Arc": Arc, "Body": Body})
         assert [body["given"]["mass"], body["given"]["inertia"]] == [made.mass, made.inertia]
@@ -185,7 +186,7 @@ def told_result(page: Browser) -> list[str]:
 @pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize(
-    "name", ["sled_snow", "paper_impact", *map(own_scenario, ("boulders", "brake_mat", "ice_drop"))]
+    "name", ["sled_snow", "paper_impact", *map(own_scenario, ("boulders", "brake_mat", "ice_drop", "measured"))]
 )
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
     """Oracle: ``simulate``, bit for bit; what its lines of Python print."""

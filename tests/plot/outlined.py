@@ -21,7 +21,7 @@ from tests.bodies import run
 def runner_and_head() -> Body:
     """A slightly bent runner between two round ends, with the head of a rider above it."""
     circles = [(0.62, -0.17, 0.06), (-0.62, -0.17, 0.06), (-0.15, 0.62, 0.12)]
-    body = hull(110.0, 18.0, circles, ["nose", "tail", "head"], ["runner", "back", "front"])
+    body = hull(110.0, circles, ["nose", "tail", "head"], ["runner", "back", "front"], 18.0, (0.0, 0.0))
     nose = [arc.part for arc in body.arcs].index("nose")
     return Body(110.0, 18.0, bulged(body.arcs, nose, 4.0, "runner"))
 

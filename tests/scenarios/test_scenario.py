@@ -15,13 +15,16 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sledenv.scenarios.configuration import read_yaml
+from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.simulation.bodies import Body, Segment, segment
+from sledenv.simulation.records import MOST_ARCS
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.shapes import circular_segment, polygon
+from sledenv.simulation.shapes import circular_segment, hull, polygon, rod
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
+from tests.bodies import same_bits
 from tests.own_scenarios import own_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -68,7 +71,10 @@ def problems(content: Any) -> list[str]:
 
 SLED = {"kind": "sled"}
 POLYGON = {"kind": "polygon", "mass_kg": 2, "points_m": [[0, 0], [0.4, 0], [0.3, 0.3], [0, 0.3]]}
-POINTS = "must be a list of 3 to 12 pairs [x, y] of numbers in [-1e+50, 1e+50] m"
+POINTS = "must be a list of 3 to 1000 pairs [x, y] of numbers in [-1e+50, 1e+50] m"
+CIRCLES = "must be a list of 1 to 1000 triples [x, y, radius] of numbers in [-1e+50, 1e+50] m"
+HULL = {"kind": "hull", "mass_kg": 2, "circles_m": [[0, 0, 0.1], [0.6, 0.1, 0.05], [0.2, 0.4, 0]]}
+MEASURED = {"inertia_kg_m2": 0.3, "centre_m": [0.25, 0.125]}
 
 
 @pytest.fixture
@@ -90,7 +96,7 @@ def test_what_is_no_context_is_named(context: Any) -> None:
 
 
 RANGE = "must be a number, or a pair [low, high] to sample, in"
-KINDS = "disc, segment, sled, polygon, custom, rock, choice"
+KINDS = "disc, segment, sled, polygon, hull, arcs, custom, rock, choice"
 BOUNDS = "must be a pair [low, high] of numbers in"
 
 
@@ -417,12 +423,23 @@ def test_each_kind_of_body_is_built() -> None:
     assert body(kind="sled", sled_mass_kg=30, balance=0.1) == sled(sled_mass=30.0, balance=0.1)
     assert body(**POLYGON) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)])
     assert body(**POLYGON, rounding_m=0.05) == polygon(2, [(0, 0), (0.4, 0), (0.3, 0.3), (0, 0.3)], 0.05)
+    names = {"parts": list("abcd"), "sides": ["under", "front", "above", "back"]}
+    measured = {"inertia": 0.3, "centre": (0.25, 0.125)}
+    assert body(**POLYGON, **names, **MEASURED) == polygon(2, POLYGON["points_m"], **names, **measured)
+    assert body(**POLYGON, inertia_kg_m2=0.3) == polygon(2, POLYGON["points_m"], inertia=0.3)
+    assert body(**HULL) == hull(2, HULL["circles_m"])
+    names = {"parts": ["heel", "toe", "top"], "sides": ["back", "front", "back"]}
+    assert body(**HULL, **names, **MEASURED) == hull(2, HULL["circles_m"], **names, **measured)
 
 
 SEGMENT = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60}
 CUSTOM = {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 1}
 LEAST = "must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = [0.25, 0.5] m"
 KNOWN = "body.inertia_kg_m2 = 1: unknown key; known: kind, mass_kg"
+
+
+DISC = {"x_m": 0, "y_m": 0, "radius_m": 0.5, "begin_rad": 0}
+ROUND = [[math.cos(k), math.sin(k), 0.1] for k in range(MOST_ARCS + 1)]
 
 
 def cornered(*points: Any) -> dict[str, Any]:
@@ -439,13 +456,36 @@ def cornered(*points: Any) -> dict[str, Any]:
         (CUSTOM | {"half_angle_deg": 60}, f"body: eccentricity_m = 0.1: {LEAST}"),
         (SLED | {"bow_radius_m": 0}, "body.bow_radius_m = 0: must be a number in [1e-50, 1e+50] m"),
         (SLED | {"balance": 1}, "body.balance = 1: must be a number in (-1, 1)"),
-        (POLYGON | {"inertia_kg_m2": 1}, f"{KNOWN}, points_m, rounding"),
+        (POLYGON | {"radius_m": 1}, "body.radius_m = 1: unknown key; known: kind, mass_kg, inertia_kg_m2, centre_m, "),
+        (POLYGON | {"inertia_kg_m2": 0}, "body.inertia_kg_m2 = 0: must be a number in [1e-250, 1e+150] kg m^2"),
+        (POLYGON | {"centre_m": [1]}, "body.centre_m = [1]: must be a pair [x, y] of numbers in [-1e+50, 1e+50] m"),
+        (POLYGON | {"centre_m": [0.1, 0.1]}, "body: inertia_kg_m2 = None: must be given where centre_m is"),
+        (POLYGON | MEASURED | {"centre_m": [1, 0]}, "body: centre_m = (1.0, 0.0): must lie within the outline"),
+        (POLYGON | {"parts": "abcd"}, "body.parts = 'abcd': must be a list"),
+        (POLYGON | {"parts": ["a"]}, "body: parts has 1 names: must have 4"),
+        (POLYGON | {"sides": [1, "b", "c", "d"]}, "body.sides.0 = 1: must be text"),
+        (POLYGON | {"sides": ["a", "b", "c", ""]}, "body: sides[3] = '': must have a letter"),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": []}, "body.arcs = []: must have at least 1 entry"),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC | {"begin": 0}]}, "body.arcs.0.begin = 0: unknown key (did you "),
+        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC, DISC]}, "body: arcs[1].begin = 0.0: must rise from arc to arc"),
+        ({"kind": "hull", "mass_kg": 2}, f"body.circles_m: missing; {CIRCLES}"),
+        (HULL | {"circles_m": [[0, 0]]}, f"body.circles_m = [[0, 0]]: {CIRCLES}"),
+        (HULL | {"circles_m": [[0, 0, -0.1]]}, "body: circles_m[0].radius = -0.1: must be 0 or in [1e-50, 1e+50]"),
+        (HULL | {"circles_m": [[0, 0, 0]]}, "body: centre_m = None: must be given where the outline has no area"),
+        (
+            HULL | {"circles_m": ROUND},
+            f"body: circles_m: the hull has {len(ROUND)} arcs: must have 1 to {MOST_ARCS}; rows [",
+        ),
+        (
+            cornered(*([x, y] for x, y, _ in ROUND)),
+            f"body: points_m has {len(ROUND)} rows: must have 3 to {MOST_ARCS}; rows [",
+        ),
         (POLYGON | {"rounding_m": -0.1}, "body.rounding_m = -0.1: must be a number in [0, 1e+50] m"),
         (POLYGON | {"rounding_m": 0.2}, "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each"),
         ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
         (POLYGON | {"points_m": 0.3}, f"body.points_m = 0.3: {POINTS}"),
         (cornered([0, 0], [1, 0]), f"body.points_m = [[0, 0], [1, 0]]: {POINTS}"),
-        (cornered(*13 * [[0, 0]]), f"body.points_m = [{6 * '[0, 0], '}...]: {POINTS}"),
+        (cornered(*1001 * [[0, 0]]), f"body.points_m = [{6 * '[0, 0], '}...]: {POINTS}"),
         (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
         (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
         (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
@@ -477,6 +517,80 @@ def test_the_lowest_point_of_the_body_starts_at_the_drop_height(half_angle_deg: 
     around = orientation + np.linspace(-shape.half_angle, shape.half_angle, 40_001)
     outline = state.y + shape.eccentricity * math.cos(state.phi) - shape.radius * np.cos(around)
     assert outline.min() == pytest.approx(context.drop, abs=1e-8)
+
+
+def by_arcs(body: Body) -> dict[str, Any]:
+    """Section of a body, told by its arcs."""
+    keys = ("x_m", "y_m", "radius_m", "begin_rad", "part", "side", "corner")
+    arcs = [dict(zip(keys, arc, strict=True)) for arc in body.arcs]
+    return {"kind": "arcs", "mass_kg": body.mass, "inertia_kg_m2": body.inertia, "centre_m": [0, 0], "arcs": arcs}
+
+
+@pytest.mark.parametrize(
+    "body",
+    [
+        pytest.param(sled(), id="sled"),
+        pytest.param(rod(2.0, 1.5), id="rod"),
+        pytest.param(rod(2.0, 1.5, 0.2), id="bar"),
+        pytest.param(polygon(2.0, [(0.0, 0.0), (1.0, 0.0), (0.0, 1.0)], 0.1), id="polygon"),
+        pytest.param(circular_segment(2.0, 0.5, 1.0), id="segment"),
+    ],
+)
+def test_any_body_can_be_told_by_its_arcs(body: Body, tmp_path: Path) -> None:
+    """Oracle: the body, whose arcs are written into a file; where it is uniform, that without its mass properties."""
+    section = by_arcs(body)
+    write_yaml(tmp_path / "arcs.yaml", changed(body=section))
+    (read,) = load_scenario(tmp_path / "arcs.yaml").all_bodies()
+    assert (read.mass, read.inertia, read.arcs) == (body.mass, body.inertia, body.arcs)
+    if body.parts[0] not in ("rider", "nose"):  # a sled is not uniform, and a line has no area
+        moved = [arc | {"x_m": arc["x_m"] + 2.0, "y_m": arc["y_m"] - 1.0} for arc in section["arcs"]]
+        uniform = section | {"inertia_kg_m2": None, "centre_m": None, "arcs": moved}
+        (found,) = Scenario.model_validate(changed(body=uniform)).all_bodies()
+        assert found.inertia == pytest.approx(body.inertia, rel=1e-12)
+        assert [arc.x for arc in found.arcs] == pytest.approx([arc.x for arc in body.arcs], abs=1e-14)
+
+
+@pytest.mark.parametrize("measured", [{}, MEASURED], ids=["uniform", "measured"])
+@pytest.mark.parametrize("section", [POLYGON, HULL], ids=["polygon", "hull"])
+def test_a_body_of_a_file_is_followed_as_the_same_body_in_python(
+    section: dict[str, Any], measured: dict[str, Any], tmp_path: Path
+) -> None:
+    """Oracle: ``simulate`` with the body that Python makes of the same numbers; rows of the log agree bit for bit."""
+    file = tmp_path / "own.yaml"
+    write_yaml(file, changed(body=section | measured))
+    scenario = load_scenario(file)
+    given = scenario.given(scenario.sample(np.random.default_rng(0)))
+    table, make = (section["points_m"], polygon) if "points_m" in section else (section["circles_m"], hull)
+    own = {key.partition("_")[0]: value for key, value in measured.items()}
+    body = make(section["mass_kg"], table, **own)  # type: ignore[operator]
+    same_bits(given.body.record, body.record)
+    found, expected = (simulate(one, *given[1:], scenario.settings()) for one in (given.body, body))
+    assert len(expected.rebounds) > 3
+    assert found.rebounds.tobytes() == expected.rebounds.tobytes()
+    assert Scenario.model_validate(scenario.model_dump(by_alias=True)) == scenario
+
+
+def test_what_is_not_given_of_a_body_does_not_count_in_the_hash() -> None:
+    """Oracle: hashes recorded before these keys were; what is given counts."""
+    assert Scenario.model_validate(changed(body=POLYGON)).hash == "faa91ed2677cdf4c"
+    several = {"kind": "choice", "of": [POLYGON, SLED]}
+    assert Scenario.model_validate(changed(body=several)).hash == "08b15fd9c7710d94"
+    more = [MEASURED, {"inertia_kg_m2": 0.3}, {"parts": list("abcd")}, {"sides": list("abcd")}]
+    hashes = {Scenario.model_validate(changed(body=POLYGON | one)).hash for one in [{}, *more]}
+    assert len(hashes) == 5
+
+
+def test_a_body_that_is_wrong_is_told_once() -> None:
+    """Oracle: one line; neither a length that follows from the body nor the count of a choice is wrong too."""
+    wrong, ground = SLED | {"balanc": 0.1}, {"slope__profile_m": [[0, 0], [10, -1]], "slope__length_m": DELETE}
+    (line,) = problems(changed(body=wrong, **ground))
+    assert line.startswith("scenario example: body.balanc = 0.1: unknown key (did you mean 'balance'?)")
+    (line,) = problems(changed(body=DELETE, **ground))
+    assert line.startswith("scenario example: body: missing; must be a mapping with kind")
+    (line,) = problems(changed(body={"kind": "choice", "of": [SLED, wrong]}))
+    assert line.startswith("scenario example: body.of.1.balanc = 0.1: unknown key")
+    (line,) = problems(changed(body={"kind": "choice", "of": [SLED]}))
+    assert line.endswith("must have at least 2 entries")
 
 
 def test_a_polygon_survives_dumping_and_counts_in_the_hash(tmp_path: Path) -> None:

@@ -16,10 +16,11 @@ from hypothesis import strategies as st
 from mpmath import mp, mpf
 
 from sledenv.kernel import outline as kernel
-from sledenv.kernel.outline import BODY
+from sledenv.kernel.outline import BODY, MOST_ARCS
 from sledenv.simulation.bodies import Body, Segment, check_bodies, records_of, segment
 from sledenv.simulation.outlines import Arc, bulged, outline_of
 from sledenv.simulation.shapes import circular_segment, disc, hull, lamina, polygon, rod
+from tests.bodies import same_bits
 from tests.oracles import support
 
 SEGMENT = {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9}
@@ -31,7 +32,7 @@ ANY_OUTLINE = [
     rod(1.0, 1.0),
     rod(1.0, 1.0, 0.2),
     polygon(1.0, SQUARE, 0.1),
-    hull(1.0, 0.1, [(0.0, 0.0, 0.5), (1.0, 0.2, 0.0), (-0.2, 0.9, 0.1)], ["wheel", "nose", "head"]),
+    hull(1.0, [(0.0, 0.0, 0.5), (1.0, 0.2, 0.0), (-0.2, 0.9, 0.1)], ["wheel", "nose", "head"], None, 0.1, (0.0, 0.0)),
 ]
 
 
@@ -435,16 +436,79 @@ def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
     body = polygon(1.0, SQUARE, inertia=0.4, centre=(0.25, 0.5))
     assert sorted(arc[:2] for arc in body.arcs) == [(-0.25, -0.5), (-0.25, 0.5), (0.75, -0.5), (0.75, 0.5)]
     assert (body.inertia, body.lowest_support) == (0.4, pytest.approx(0.25, rel=1e-15))
-    with pytest.raises(ValueError, match=r"polygon\.inertia = None: must be given where centre is"):
+    with pytest.raises(ValueError, match=r"polygon\.inertia = None: must be given where polygon\.centre is"):
         polygon(1.0, SQUARE, centre=(0.25, 0.5))
     with pytest.raises(ValueError, match=r"polygon\.centre = \(-0\.25, 0\.5\): must lie within the outline"):
         polygon(1.0, SQUARE, inertia=0.4, centre=(-0.25, 0.5))
 
 
+def test_a_hull_may_have_its_mass_centre_elsewhere() -> None:
+    """Oracle: the same circles told from there, bit for bit; numbers are such that no sum is rounded."""
+    circles = [(-0.5, 0.25, 0.125), (0.75, 0.0, 0.25), (0.0, 1.0, 0.0)]
+    moved = [(x + 2.0, y - 1.5, r) for x, y, r in circles]
+    body = hull(3.0, moved, inertia=0.5, centre=(2.0, -1.5))
+    same_bits(body.record, hull(3.0, circles, inertia=0.5, centre=(0.0, 0.0)).record)
+    assert body.parts == ("circle 2", "circle 1", "circle 3", "side 2", "side 1", "side 3")
+    with pytest.raises(ValueError, match=r"hull\.inertia = None: must be given where hull\.centre is"):
+        hull(1.0, circles, centre=(0.0, 0.5))
+    with pytest.raises(ValueError, match=r"hull\.centre = \(-1\.0, 0\.5\): must lie within the outline"):
+        hull(1.0, circles, inertia=0.4, centre=(-1.0, 0.5))
+    with pytest.raises(ValueError, match=r"hull\.centre = None: must be given where the outline has no area"):
+        hull(1.0, [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
+
+
+def test_a_hull_is_uniform_unless_its_inertia_is_given() -> None:
+    """Oracle: a bar with round ends, in closed form; a disc; a polygon of corners without radius."""
+    mass, half, r = 3.0, 0.5, 0.2
+    bar, ends = 4.0 * half * r, math.pi * r**2
+    inertia = bar * (half**2 + r**2) / 3.0 + ends * (0.5 * r**2 + half**2 + 2.0 * half * 4.0 * r / (3.0 * math.pi))
+    body = hull(mass, [(1.0 - half, 2.0, r), (1.0 + half, 2.0, r)])
+    assert body.inertia == pytest.approx(mass * inertia / (bar + ends), rel=1e-14)
+    assert sorted(arc.x for arc in body.arcs) == pytest.approx([-half, half], rel=1e-14)
+    assert hull(mass, [(1.0, 2.0, r)]).inertia == pytest.approx(0.5 * mass * r**2, rel=1e-14)
+    points = [(0.0, 0.0), (1.0, -0.25), (1.5, 0.5), (0.5, 1.0)]
+    cornered, same = hull(mass, [(x, y, 0.0) for x, y in points]), polygon(mass, points)
+    assert cornered.inertia == pytest.approx(same.inertia, rel=1e-14)
+    assert np.array([arc[:4] for arc in cornered.arcs]) == pytest.approx(
+        np.array([arc[:4] for arc in same.arcs]), abs=1e-15
+    )
+
+
+@pytest.mark.parametrize("excess", [1, 3, 40])
+def test_of_too_many_corners_the_message_tells_which_will_do(excess: int) -> None:
+    """Oracle: these rows make a body; no corner is farther from their polygon than the message says, by geometry."""
+    count = MOST_ARCS + excess
+    angle = 2.0 * math.pi * (np.arange(count) + np.random.default_rng(excess).uniform(-0.3, 0.3, count)) / count
+    points = np.column_stack([0.9 * np.cos(angle), 0.3 * np.sin(angle)])
+    circles = np.column_stack([points, np.zeros(count)])
+    for make, table, name in ((polygon, points, "points has"), (hull, circles, "circles: the hull has")):
+        with pytest.raises(ValueError, match=rf"{name} {count} .*: must have . to {MOST_ARCS}; rows \[") as caught:
+            make(1.0, table)
+        text = str(caught.value)
+        rows = [int(row) for row in text[text.index("[") + 1 : text.index("]")].split(", ")]
+        depth = float(text.partition("lies ")[2].split(" m")[0])
+        assert len(make(1.0, table[rows]).arcs) == len(rows) == MOST_ARCS
+        kept = points[rows]
+        along = np.roll(kept, -1, axis=0) - kept
+        outward = np.column_stack([along[:, 1], -along[:, 0]]) / np.hypot(*along.T)[:, np.newaxis]
+        farthest = ((points[:, np.newaxis] - kept) * outward).sum(axis=2).max()
+        assert f"{depth:.2g}" == f"{farthest:.2g}"
+
+
+def test_a_hull_may_be_of_more_circles_than_there_are_arcs() -> None:
+    """Oracle: the polygon of its outermost corners; all others lie within."""
+    rng = np.random.default_rng(1)
+    within = np.column_stack([rng.uniform(0.1, 0.9, (50, 2)), np.zeros(50)])
+    corners = [(*map(float, point), 0.0) for point in SQUARE]
+    assert [arc.part for arc in hull(1.0, [*within.tolist(), *corners]).arcs] == [
+        f"circle {51 + SQUARE.index(point)}" for point in ((1, 1), (1, 0), (0, 0), (0, 1))
+    ]
+
+
 @pytest.mark.parametrize(
     ("points", "message"),
     [
-        pytest.param(SQUARE[:2], "polygon.points has 2 rows: must have 3 to 12", id="a line"),
+        pytest.param(SQUARE[:2], f"polygon.points has 2 rows: must have 3 to {MOST_ARCS}", id="a line"),
         pytest.param(
             [(0, 0), (1, 0), (2, 0), (1, 1)], "polygon.points[1] = [1.0, 0.0]: the polygon must be", id="straight"
         ),
@@ -460,8 +524,8 @@ def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
         pytest.param([[0.0, 0.0, 0.0]], "polygon.points has shape (1, 3): must be (N, 2)", id="spatial"),
         pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be in [-1e+50, 1e+50]", id="nan"),
         pytest.param(
-            [(math.sin(k), math.cos(k)) for k in np.arange(13) * 2.0 * math.pi / 13.0],
-            "polygon.points has 13 rows",
+            [(math.sin(k), math.cos(k)) for k in np.arange(MOST_ARCS + 1) * 2.0 * math.pi / (MOST_ARCS + 1.0)],
+            f"polygon.points has {MOST_ARCS + 1} rows",
             id="many",
         ),
     ],
@@ -477,15 +541,17 @@ def test_tables_and_names_of_other_kinds_are_refused() -> None:
     with pytest.raises(TypeError, match=r"polygon\.points holds <U1: must hold numbers"):
         polygon(1.0, [("a", "b")])
     with pytest.raises(TypeError, match=r"hull\.circles = \[\(0.0, 0.0, 1.0\), \(0.0,\)\]: must be numbers"):
-        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0,)], ["a", "b"])
+        hull(1.0, [(0.0, 0.0, 1.0), (0.0,)])
     with pytest.raises(ValueError, match=r"hull\.circles\[1\]\.radius = -1\.0: must be 0 or in \[1e-50"):
-        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)], ["a", "b"])
+        hull(1.0, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
     with pytest.raises(ValueError, match=r"hull\.circles has shape \(0,\): must be \(N, 3\)"):
-        hull(1.0, 1.0, [], [])
+        hull(1.0, [])
     with pytest.raises(ValueError, match=r"hull\.parts has 1 names: must have 2"):
-        hull(1.0, 1.0, [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], ["a"])
+        hull(1.0, [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], ["a"])
     with pytest.raises(TypeError, match=r"polygon\.sides = 'abcd': must be a sequence of names"):
         polygon(1.0, SQUARE, sides="abcd")
+    with pytest.raises(ValueError, match=r"polygon\.sides\[2\] = '': must have a letter"):
+        polygon(1.0, SQUARE, sides=["a", "b", "", "d"])
     with pytest.raises(TypeError, match=r"polygon\.parts = \[1, 2, 3, 4\]: must be a sequence of names"):
         polygon(1.0, SQUARE, parts=[1, 2, 3, 4])  # type: ignore[list-item]
 

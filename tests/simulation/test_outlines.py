@@ -17,6 +17,7 @@ from sledenv.simulation.outlines import (
     Arc,
     angle_of,
     bulged,
+    fewer_circles,
     hull_of_circles,
     in_order,
     mass_properties,
@@ -215,16 +216,15 @@ def test_a_hull_leaves_out_what_lies_within_it() -> None:
     """Oracle: a square; its middle, a point on a side, a second corner and circles within do not count."""
     square = [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, -1.0, 0.0), (-1.0, 1.0, 0.0)]
     others = [(0.0, 0.0, 0.0), (1.0, 0.25, 0.0), (1.0, 1.0, 0.0), (0.2, 0.3, 0.4), (0.0, -0.5, 0.5)]
-    body = hull(1.0, 1.0, [*others[:2], *square, *others[2:]], list("..abcd..."))
+    body = hull(1.0, [*others[:2], *square, *others[2:]], list("..abcd..."), inertia=1.0, centre=(0.0, 0.0))
     assert [arc.part for arc in body.arcs] == ["a", "b", "c", "d"]
     assert [arc.begin for arc in body.arcs] == [-math.pi, -0.5 * math.pi, 0.0, 0.5 * math.pi]
 
 
 def test_a_circle_may_be_twice_on_a_hull() -> None:
     """Oracle: a point at twice the radius on either side of a circle; the tangents leave it at 60 degrees."""
-    body = hull(
-        1.0, 1.0, [(0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)], ["wheel", "nose", "tail"], ["w", "n", "t"]
-    )
+    circles = [(0.0, 0.0, 0.5), (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
+    body = hull(1.0, circles, ["wheel", "nose", "tail"], ["w", "n", "t"], 1.0, (0.0, 0.0))
     assert [arc.part for arc in body.arcs] == ["nose", "wheel", "tail", "wheel"]
     assert [arc.begin for arc in body.arcs] == pytest.approx(np.radians([-150.0, -30.0, 30.0, 150.0]), abs=1e-15)
     assert body.parts == ("nose", "wheel", "tail", "n", "w", "t")
@@ -242,7 +242,21 @@ def test_a_circle_may_be_twice_on_a_hull() -> None:
 )
 def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: str) -> None:
     """Oracle: what holds all others is the hull."""
-    assert hull(1.0, 1.0, circles, list(parts)) == Body(1.0, 1.0, [Arc(0.0, 0.0, 0.3, 0.0, "a")])
+    body = hull(1.0, circles, list(parts), ["side"] * len(circles), 1.0, (0.0, 0.0))
+    assert body == Body(1.0, 1.0, [Arc(0.0, 0.0, 0.3, 0.0, "a")])
+
+
+def test_fewer_circles_say_how_far_their_hull_lies_within_that_of_all() -> None:
+    """Oracle: the farthest point of all circles less that of the chosen ones, in 40,000 directions."""
+    rng = np.random.default_rng(2)
+    angles = np.linspace(0.0, TURN, 40_001)
+    for _ in range(20):
+        circles = np.column_stack([rng.normal(size=(30, 2)), rng.uniform(0.0, 0.4, 30)])
+        chosen, depth = fewer_circles(circles, 6)
+        assert len(hull_of_circles(circles[chosen], [""] * len(chosen), [""] * len(chosen))) <= 6
+        heights = circles[:, :2] @ np.stack([np.cos(angles), np.sin(angles)]) + circles[:, 2:]
+        within = float((heights.max(axis=0) - heights[chosen].max(axis=0)).max())
+        assert within - 1e-12 <= depth <= within + 1e-3
 
 
 # --- arcs in place of sides ------------------------------------------------------------------------------------------
@@ -252,7 +266,7 @@ def test_a_hull_of_numbers_without_squares_is_refused() -> None:
     """Oracle: the message; angles of sides cannot be told where squares vanish."""
     far = 5e-324
     with pytest.raises(ValueError, match=r"circles: no hull can be told of them, the largest of their numbers being"):
-        hull(1.0, 1.0, [(0.0, 0.0, 0.0), (far, 0.0, 0.0), (0.0, far, 0.0), (far, far, 0.0)], list("abcd"))
+        hull(1.0, [(0.0, 0.0, 0.0), (far, 0.0, 0.0), (0.0, far, 0.0), (far, far, 0.0)])
 
 
 @pytest.mark.parametrize("radius", [0.51, 0.7, 3.0, 1e4])

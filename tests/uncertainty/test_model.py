@@ -119,11 +119,17 @@ def test_every_number_of_a_body_can_be_uncertain(section: type[Section]) -> None
         "sled": {"balance": 0.1, "bow_radius_m": 15, "height_m": 0.1, "length_m": 0.95}
         | {"rider_height_m": 1.75, "rider_mass_kg": 80, "sled_mass_kg": 40},
         "custom": {"mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 0.2, "half_angle_deg": 120},
-        "polygon": {"mass_kg": 2, "rounding_m": 0.05},
+        "polygon": {"mass_kg": 2, "rounding_m": 0.05, "inertia_kg_m2": 0.1},
+        "hull": {"mass_kg": 2, "inertia_kg_m2": 0.1},
+        "arcs": {"mass_kg": 2, "inertia_kg_m2": 0.1},
         "rock": {"length_m": 0.6, "width_ratio": 0.7, "depth_ratio": 0.8, "rounding": 0.2}
         | {"density_kg_m3": 2600, "shape": 0.3},
     }[kind]
-    certain = {"kind": kind} | ({"points_m": [[0, 0], [0.6, 0], [0.5, 0.4]]} if kind == "polygon" else {})
+    certain = {"kind": kind} | {
+        "polygon": {"points_m": [[0, 0], [0.6, 0], [0.5, 0.4]]},
+        "hull": {"circles_m": [[0, 0, 0.1], [0.6, 0, 0.2], [0.5, 0.4, 0]], "centre_m": [0.4, 0.1]},
+        "arcs": {"arcs": [{"x_m": 0.1, "y_m": 0, "radius_m": 0.4, "begin_rad": 0}], "centre_m": [0, 0]},
+    }.get(kind, {})
     around = {key: {"kind": "uniform", "low": 0.97 * value, "high": 1.03 * value} for key, value in fields.items()}
     study = made(mapping(DROP, body=certain | around, launch__drop_m=0.0, launch__orientation_deg=30))
     values = study.values(np.random.default_rng(0).uniform(0.01, 0.99, (5, len(fields))))
@@ -230,7 +236,7 @@ def of(kind: str, **numbers: float) -> dict[str, Any]:
         ({"body__radius_m": -1}, "body.radius_m = -1: must be a number in [1e-50, 1e+50] m"),
         (
             {"body": {"kind": "cube"}},
-            "body.kind = 'cube': must be one of disc, segment, sled, polygon, custom, rock, choice",
+            "body.kind = 'cube': must be one of disc, segment, sled, polygon, hull, arcs, custom, rock, choice",
         ),
         ({"contact__asymmetry": 0.5}, "either restitution"),
         ({"limits": None}, "limits: missing"),

@@ -137,8 +137,20 @@ class OneOrSeveral(Quantity):
         return tuple(map(self.number, value)) if isinstance(value, list | tuple) else self.number(value)
 
 
+class Point(Quantity):
+    """A point of a plane: two numbers of an interval."""
+
+    form = "a pair [x, y] of numbers"
+
+    def read(self, value: Any) -> Pair:
+        """Return x and y, or raise ValueError."""
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            raise ValueError(f"must be {self.allowed}")
+        return self.number(value[0]), self.number(value[1])
+
+
 class Points(Quantity):
-    """Points of a plane: pairs of numbers of an interval.
+    """Points of a plane: rows of numbers of an interval.
 
     Parameters
     ----------
@@ -146,20 +158,23 @@ class Points(Quantity):
         As for ``Quantity``.
     fewest, most : int
         How many there may be.
+    rows : str
+        What each is, with its numbers in brackets.
     """
 
-    def __init__(self, interval: str, fewest: int, most: int) -> None:
+    def __init__(self, interval: str, fewest: int, most: int, rows: str = "pairs [x, y]") -> None:
         super().__init__(interval)
-        self.allowed = f"a list of {fewest} to {most} pairs [x, y] of numbers in {interval}"
+        self.allowed = f"a list of {fewest} to {most} {rows} of numbers in {interval}"
         self._counts = range(fewest, most + 1)
+        self._columns = rows.count(",") + 1
 
-    def read(self, value: Any) -> tuple[Pair, ...]:
+    def read(self, value: Any) -> tuple[tuple[float, ...], ...]:
         """Return the points, or raise ValueError."""
         if not isinstance(value, list | tuple) or len(value) not in self._counts:
             raise ValueError(f"must be {self.allowed}")
-        if not all(isinstance(point, list | tuple) and len(point) == 2 for point in value):
+        if not all(isinstance(point, list | tuple) and len(point) == self._columns for point in value):
             raise ValueError(f"must be {self.allowed}")
-        return tuple((self.number(x), self.number(y)) for x, y in value)
+        return tuple(tuple(map(self.number, point)) for point in value)
 
 
 class Section(BaseModel):
@@ -177,6 +192,8 @@ class Section(BaseModel):
     def problems(cls, error: ValidationError) -> list[str]:
         """Return what is wrong, a line each: missing keys last, as an unknown one before them may be one misspelt."""
         ranked = sorted(error.errors(), key=lambda details: details["type"] == "missing")
+        # A list with wrong entries is not too short: pydantic counts the right ones.
+        ranked = [one for one in ranked if one["type"] != "too_short" or len(one["input"]) < one["ctx"]["min_length"]]
         return [line for details in ranked for line in cls.explain(details).splitlines()]
 
     @classmethod

@@ -7,7 +7,6 @@ import hashlib
 import json
 import math
 import os
-from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
@@ -248,11 +247,14 @@ class Scenario(Document):
     def hash(self) -> str:
         """Identity of what is simulated, 16 hex digits: words about it, such as title, sources and tags, do not count.
 
-        Neither does a section, a key of ``control`` or ``slope``, or a restitution or stiffness of a zone that is not
-        given, nor a rule of ``ends`` that is off. A file of the ground counts by what is in it.
+        Neither does a section, a key of ``control``, ``slope`` or a body, or a restitution or stiffness of a zone that
+        is not given, nor a rule of ``ends`` that is off. A file of the ground counts by what is in it.
         """
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
+        content["body"] = _given(content["body"])
+        if "of" in content["body"]:
+            content["body"]["of"] = list(map(_given, content["body"]["of"]))
         content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
         own = "restitution", "stiffness_n_m", "pieces", "material"
         zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
@@ -779,9 +781,11 @@ def _laid_out(content: Any) -> Any:
         if ground.angle_deg is not None:
             slope["angle_deg"] = ground.angle_deg
     if len(ground.vertices) and "length_m" not in slope:
-        with suppress(ValidationError):
+        try:
             bodies = _build(_BODY.validate_python(content.get("body")))
             slope["length_m"] = float(ground.vertices[-1, 0]) + max(body.size for body in bodies)
+        except ValidationError:  # what is wrong is told of the body, and with any length of it alone
+            slope["length_m"] = 1.0
     length = slope.get("length_m")
     placed_zones = placed(zones, ground, length if isinstance(length, int | float) else math.inf)
     return content | {"slope": slope, "zones": placed_zones}

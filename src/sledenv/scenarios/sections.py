@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import re
+from abc import abstractmethod
 from collections.abc import Collection
 from functools import lru_cache
 from itertools import combinations
@@ -11,16 +13,17 @@ from typing import Annotated, Final, Literal, Self
 import numpy as np
 from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
-from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
+from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Point, Points, Quantity, Range, Section, Whole
 from sledenv.scenarios.rocks import RockBody
 from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
-from sledenv.simulation.records import MOST_ARCS
+from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import AIR_DENSITY, MOST_VERTICES, STEEPEST, Profile, checked_profile
-from sledenv.simulation.shapes import circular_segment, polygon
+from sledenv.simulation.shapes import circular_segment, hull, lamina, polygon
 from sledenv.simulation.sleds import sled
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
+_ROWS: Final = 1000  # of an outline; how many arcs it may have is up to the simulator
 
 
 class LaunchControl(Bounds):
@@ -124,26 +127,85 @@ class SledBody(Section):
         return sled(self.rider_mass_kg, self.sled_mass_kg, **given, balance=self.balance)
 
 
-class PolygonBody(Section):
-    """A uniform lamina in the shape of a convex polygon, with corners that may be rounded."""
+class OutlinedBody(Section):
+    """A body that is told by its outline: a uniform lamina, unless its inertia and its mass centre are given."""
 
-    kind: Literal["polygon"]
+    kind: str
     mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
-    points_m: Annotated[tuple[Pair, ...], Points("[-1e+50, 1e+50] m", 3, MOST_ARCS)]  # in either direction of turn
-    rounding_m: Annotated[float, Quantity("[0, 1e+50] m")] = 0.0  # radius of the corners
+    inertia_kg_m2: Annotated[float | None, Quantity("[1e-250, 1e+150] kg m^2")] = None  # about the mass centre
+    centre_m: Annotated[Pair | None, Point("[-1e+50, 1e+50] m")] = None  # the mass centre, in the frame of the outline
 
     @model_validator(mode="after")
-    def _is_convex(self) -> Self:
+    def _can_be_built(self) -> Self:
         try:
             self.build()
         except ValueError as error:
-            text = str(error).replace("polygon.points", "points_m").replace("polygon.rounding", "rounding_m")
-            raise ValueError(text) from None
+            raise ValueError(re.sub(r"\b(?:polygon|hull|lamina|Body)\.(\w+)", self._key, str(error))) from None
         return self
+
+    @classmethod
+    def _key(cls, argument: re.Match[str]) -> str:
+        """Return the key that an argument of the simulator is told by: that of its name, with a unit."""
+        return next(key for key in cls.model_fields if f"{key}_".startswith(f"{argument[1]}_"))
+
+    @abstractmethod
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+
+
+class PolygonBody(OutlinedBody):
+    """A convex polygon, with corners that may be rounded."""
+
+    kind: Literal["polygon"]
+    points_m: Annotated[tuple[Pair, ...], Points("[-1e+50, 1e+50] m", 3, _ROWS)]  # in either direction of turn
+    rounding_m: Annotated[float, Quantity("[0, 1e+50] m")] = 0.0  # radius of the corners
+    parts: tuple[StrictStr, ...] | None = None  # names of the corners
+    sides: tuple[StrictStr, ...] | None = None  # and of the sides, from each corner to the next one
 
     def build(self) -> Body:
         """Return the body of the simulator."""
-        return polygon(self.mass_kg, self.points_m, self.rounding_m)
+        names = self.parts, self.sides
+        return polygon(self.mass_kg, self.points_m, self.rounding_m, *names, self.inertia_kg_m2, self.centre_m)
+
+
+class HullBody(OutlinedBody):
+    """The convex hull of circles."""
+
+    kind: Literal["hull"]
+    circles_m: Annotated[
+        tuple[tuple[float, float, float], ...],
+        Points("[-1e+50, 1e+50] m", 1, _ROWS, "triples [x, y, radius]"),
+    ]
+    parts: tuple[StrictStr, ...] | None = None  # names of the circles
+    sides: tuple[StrictStr, ...] | None = None  # and of the straight sides, behind each circle clockwise
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        return hull(self.mass_kg, self.circles_m, self.parts, self.sides, self.inertia_kg_m2, self.centre_m)
+
+
+class ArcSection(Section):
+    """One arc of an outline: see :class:`sledenv.Arc`."""
+
+    x_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
+    y_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
+    radius_m: Annotated[float, Quantity("[0, 1e+50] m")]
+    begin_rad: Annotated[float, Quantity("[-3.141592653589793, 3.141592653589793) rad")]
+    part: StrictStr = "arc"
+    side: StrictStr = "side"
+    corner: StrictBool | None = None
+
+
+class ArcsBody(OutlinedBody):
+    """Any convex outline, told by its arcs."""
+
+    kind: Literal["arcs"]
+    arcs: Annotated[tuple[ArcSection, ...], Field(min_length=1)]
+
+    def build(self) -> Body:
+        """Return the body of the simulator."""
+        arcs = [Arc(*(value for _, value in arc)) for arc in self.arcs]
+        return lamina(self.mass_kg, arcs, self.inertia_kg_m2, self.centre_m)
 
 
 class CustomBody(Section):
@@ -171,7 +233,7 @@ class CustomBody(Section):
         return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
 
 
-OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | CustomBody | RockBody
+OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | HullBody | ArcsBody | CustomBody | RockBody
 
 
 class ChoiceBody(Section):

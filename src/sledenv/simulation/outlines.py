@@ -51,6 +51,11 @@ class Outline(NamedTuple):
     steps: Floats  # [m] how much higher the next arc is where it should be as low as this one
     rounding: Floats  # [m] shortest side that is not a smooth join
 
+    @property
+    def holds_the_mass_centre(self) -> bool:
+        """Whether the mass centre lies within the outline or on it, but for rounding."""
+        return self.lowest >= -float(self.rounding.max())
+
 
 def sines_and_cosines(angles: Floats) -> tuple[Floats, Floats]:
     """Sine and cosine of many angles [rad] within a few turns, of any shape: the same bits on every platform."""
@@ -70,13 +75,24 @@ def angle_of(sine: float, cosine: float) -> float:
 
 
 def checked_arcs(owner: str, given: Any) -> tuple[Arc, ...]:
-    """Return the arcs of an outline with floats for numbers, or raise an error.
+    """Return the arcs of an outline around the mass centre with floats for numbers, or raise an error.
 
     Raises
     ------
     TypeError, ValueError
         Naming the arc, its field, the value and what is allowed: see :class:`sledenv.Body`.
     """
+    arcs, outline = checked_outline(owner, given)
+    if not outline.holds_the_mass_centre:
+        raise ValueError(
+            f"{owner}.arcs: the outline passes the mass centre at {outline.lowest!r} m: must be >= 0, or the mass "
+            "centre would pass below the slope"
+        )
+    return arcs
+
+
+def checked_outline(owner: str, given: Any) -> tuple[tuple[Arc, ...], Outline]:
+    """Return the arcs of an outline in any frame, and its measures, as :func:`checked_arcs` does."""
     if isinstance(given, str | bytes) or not isinstance(given, Sequence):
         raise TypeError(f"{owner}.arcs = {given!r}: must be a sequence of arcs")
     if not 1 <= len(given) <= MOST_ARCS:
@@ -84,8 +100,7 @@ def checked_arcs(owner: str, given: Any) -> tuple[Arc, ...]:
     arcs = tuple(_checked_arc(f"{owner}.arcs[{k}]", arc) for k, arc in enumerate(given))
     if len(arcs) == 1:
         arcs = (arcs[0]._replace(begin=-math.pi),)
-    _check_outline(owner, arcs)
-    return arcs
+    return arcs, _joined(owner, arcs)
 
 
 def _checked_arc(owner: str, given: Any) -> Arc:
@@ -110,8 +125,8 @@ def _checked_arc(owner: str, given: Any) -> Arc:
     )
 
 
-def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
-    """Raise ValueError unless arcs follow one another on a convex outline around the mass centre."""
+def _joined(owner: str, arcs: tuple[Arc, ...]) -> Outline:
+    """Measure an outline, or raise ValueError unless its arcs follow one another and it is convex."""
     for k in range(len(arcs)):
         before = arcs[k - 1].begin - (TURN if k == 0 else 0.0)
         if not arcs[k].begin - before >= SHORTEST:
@@ -123,11 +138,7 @@ def _check_outline(owner: str, arcs: tuple[Arc, ...]) -> None:
     _check_size(owner, arcs, outline.size)
     for k in range(len(arcs) if len(arcs) > 1 else 0):
         _check_join(owner, arcs, outline, k)
-    if outline.lowest < -max(_ROUNDED * outline.size, _ROUNDED_ARC * max(arc.radius for arc in arcs)):
-        raise ValueError(
-            f"{owner}.arcs: the outline passes the mass centre at {outline.lowest!r} m: must be >= 0, or the mass "
-            "centre would pass below the slope"
-        )
+    return outline
 
 
 def _check_size(owner: str, arcs: tuple[Arc, ...], size: float) -> None:
@@ -245,7 +256,7 @@ def polygon_of(points: Floats, rounding: float, parts: Sequence[str], sides: Seq
         k = int(turns.argmin())
         raise ValueError(
             f"polygon.points[{k}] = {points[k].tolist()!r}: the polygon must be strictly convex; the outline must turn "
-            f"by {SHORTEST} rad or more at each corner, and once around in all"
+            f"by {SHORTEST} rad or more at each corner, and once around in all; a hull leaves out what lies within"
         )
     if rounding > 0.0:
         cosines = (before * after).sum(axis=1)
@@ -290,6 +301,47 @@ def hull_of_circles(circles: Floats, parts: Sequence[str], sides: Sequence[str])
         arcs.append(now)
     largest = float(np.abs(circles).max())
     raise ValueError(f"circles: no hull can be told of them, the largest of their numbers being {largest:g} m")
+
+
+def fewer_circles(circles: Floats, most: int) -> tuple[list[int], float]:
+    """Choose circles whose hull has few arcs and hardly differs from the hull of all.
+
+    Parameters
+    ----------
+    circles : ndarray, shape (N, 3)
+        x, y, radius [m].
+    most : int
+        How many arcs the hull may have.
+
+    Returns
+    -------
+    chosen : list of int
+        Their rows, in order. Each is the one that stuck out farthest of the hull of those before, in 3,600 directions.
+    depth : float
+        By how much [m] their hull lies within that of all, at most.
+    """
+    heights = _heights(circles, np.linspace(-math.pi, math.pi, 3600, endpoint=False))
+    reached, chosen, arcs = heights.min(axis=0), list[int](), tuple[Arc, ...]()
+    while True:
+        beyond = (heights - reached).max(axis=1)
+        k = int(beyond.argmax())
+        names = [""] * (len(chosen) + 1)
+        more = hull_of_circles(circles[[*chosen, k]], names, names)
+        if chosen and (len(more) > most or beyond[k] <= SHORTEST * np.abs(circles).max()):
+            break
+        chosen.append(k)
+        reached, arcs = np.maximum(reached, heights[k]), more
+    # How far a circle sticks out of the hull is largest towards it from an arc, or where an arc ends.
+    apart = (circles[:, np.newaxis, :2] - circles[chosen, :2]).reshape(-1, 2)
+    angles = np.append(np.arctan2(-apart[:, 0], -apart[:, 1]), [arc.begin for arc in arcs])
+    heights = _heights(circles, angles)
+    return sorted(chosen), float((heights.max(axis=0) - heights[chosen].max(axis=0)).max())
+
+
+def _heights(circles: Floats, angles: Floats) -> Floats:
+    """Heights [m] of circles along the normals of orientations [rad], shape (circles, angles)."""
+    sine, cosine = sines_and_cosines(angles)
+    return circles[:, :2] @ -np.stack([sine, cosine]) + circles[:, 2:]
 
 
 def _not_within(circles: list[Arc]) -> list[Arc]:

@@ -6,6 +6,7 @@ import math
 import reprlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -50,7 +51,8 @@ def checked(owner: str, field: str, value: Any, rule: Rule) -> float:
         return value
     try:
         kind = getattr(getattr(value, "dtype", None), "kind", "f")  # a tensor's type has none
-        if isinstance(value, str | bytes | bool | np.ma.MaskedArray) or kind not in "iuf":
+        real = isinstance(value, Real) or hasattr(value, "dtype")  # of others float() reads words, or drops digits
+        if not real or isinstance(value, bool | np.ma.MaskedArray) or kind not in "iuf":
             raise TypeError
         number = float(value)
     except (TypeError, ValueError, RuntimeError):
@@ -204,8 +206,8 @@ def numbers_of(name: str, given: Any, wanted: str, fields: Sequence[str] = ()) -
     Raises
     ------
     TypeError, ValueError
-        Naming it and its value, or what it holds that is no number: words, True or False, what is masked, integers of
-        more than 64 bits.
+        Naming it and its value, or what it holds that is no number: words, bytes, True or False, what is masked,
+        integers of more than 64 bits.
     """
     if not isinstance(given, bool | np.bool_):
         _check_entries(name, given, wanted, fields)
@@ -270,6 +272,8 @@ def _check_entries(name: str, given: Any, wanted: str, fields: Sequence[str]) ->
             raise TypeError(f"{name} holds {found}: must have {', '.join(fields)}")
     elif isinstance(given, bool | np.bool_):
         raise TypeError(f"{name} holds True or False: must hold {wanted}")
+    elif isinstance(given, bytearray | memoryview):
+        raise TypeError(f"{name} holds a {type(given).__name__}: must hold {wanted}")
     elif isinstance(given, int) and not -(2**63) <= given < 2**64:
         raise ValueError(f"{name} holds {reprlib.repr(given)}: must hold {wanted}; no integer of more than 64 bits")
     elif isinstance(given, np.ma.MaskedArray):

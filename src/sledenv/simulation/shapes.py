@@ -14,6 +14,8 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.outlines import (
     Arc,
     Floats,
+    checked_outline,
+    fewer_circles,
     hull_of_circles,
     mass_properties,
     outline_of,
@@ -95,15 +97,17 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
 # Other outlines.
 
 
-def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
-    """Return a uniform body whose arcs are given in any frame: docs/physics.md, section 8.
+def lamina(mass: float, arcs: Sequence[Arc], inertia: float | None = None, centre: ArrayLike | None = None) -> Body:
+    """Return a body whose arcs are given in any frame, uniform by default: docs/physics.md, section 8.
 
     Parameters
     ----------
     mass : float
         Mass [kg], > 0.
     arcs : sequence of Arc
-        As those of :class:`Body`, but from another point than the mass centre, which is that of the area.
+        As those of :class:`Body`, but from any point.
+    inertia, centre : optional
+        As for :func:`polygon`; both must be given where the outline has no area.
 
     Returns
     -------
@@ -112,11 +116,11 @@ def lamina(mass: float, arcs: Sequence[Arc]) -> Body:
     Raises
     ------
     TypeError, ValueError
-        As :class:`Body` does, or if the outline has no area.
+        As :class:`Body` and :func:`polygon` do.
     """
     mass = checked("lamina", "mass", mass, MEASURE)
-    _, (x, y), inertia = mass_properties(arcs)
-    return Body(mass, mass * inertia, shifted(arcs, -x, -y))
+    arcs, _ = checked_outline("lamina", arcs)
+    return _weighed("lamina", mass, arcs, inertia, centre)
 
 
 def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | None = None) -> Body:
@@ -171,7 +175,8 @@ def polygon(
     mass : float
         Mass [kg], > 0.
     points : array_like of float, shape (N, 2)
-        Corners x, y [m] in any frame whose axes are those of the body at phi = 0, 3 to 12 in either direction of turn.
+        Corners x, y [m] in any frame whose axes are those of the body at phi = 0, in either direction of turn: from 3
+        to as many as a :class:`sledenv.Body` may have arcs.
     rounding : float
         Radius [m] of circles that touch both sides of a corner from within and round it off, >= 0; 0 by default. A
         length of every side must be left.
@@ -192,31 +197,26 @@ def polygon(
     ------
     TypeError, ValueError
         Naming the argument, its value and the allowed range; also if a corner is no corner, or if the polygon is not
-        convex.
+        convex. Of too many corners the message says which will do.
     """
     mass = checked("polygon", "mass", mass, MEASURE)
     corners = _table("polygon", "points", points, 2)
     if not 3 <= len(corners) <= MOST_ARCS:
-        raise ValueError(f"polygon.points has {len(corners)} rows: must have 3 to {MOST_ARCS}")
+        remedy = _remedy(np.column_stack([corners, np.zeros(len(corners))]))
+        raise ValueError(f"polygon.points has {len(corners)} rows: must have 3 to {MOST_ARCS}{remedy}")
     rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
     parts = _names("polygon", "parts", parts, "corner", corners)
     sides = _names("polygon", "sides", sides, "side", corners)
-    if centre is not None and inertia is None:
-        raise ValueError("polygon.inertia = None: must be given where centre is")
-    arcs = polygon_of(corners, rounding, parts, sides)
-    _, middle, uniform = mass_properties(arcs)
-    if centre is not None:
-        ((x, y),) = _table("polygon", "centre", [centre], 2).tolist()
-        middle = x, y
-        if outline_of(shifted(arcs, -x, -y)).lowest < 0.0:
-            raise ValueError(f"polygon.centre = {middle!r}: must lie within the outline")
-    if inertia is None:
-        inertia = mass * uniform
-    return Body(mass, checked("polygon", "inertia", inertia, INERTIA), shifted(arcs, -middle[0], -middle[1]))
+    return _weighed("polygon", mass, polygon_of(corners, rounding, parts, sides), inertia, centre)
 
 
 def hull(
-    mass: float, inertia: float, circles: ArrayLike, parts: Sequence[str], sides: Sequence[str] | None = None
+    mass: float,
+    circles: ArrayLike,
+    parts: Sequence[str] | None = None,
+    sides: Sequence[str] | None = None,
+    inertia: float | None = None,
+    centre: ArrayLike | None = None,
 ) -> Body:
     """Return a body whose outline is the convex hull of circles: docs/physics.md, section 8.
 
@@ -224,15 +224,14 @@ def hull(
     ----------
     mass : float
         Mass [kg], > 0.
-    inertia : float
-        Moment of inertia about the mass centre [kg m^2], > 0.
     circles : array_like of float, shape (N, 3)
-        Centres x, y [m] from the mass centre in the frame of the body, and radii [m], >= 0. Those that lie within the
-        hull are left out.
-    parts : sequence of str
-        A name for each circle.
-    sides : sequence of str, optional
-        A name for each circle: of the straight side that follows it clockwise. "side" by default.
+        Centres x, y [m] in any frame whose axes are those of the body at phi = 0, and radii [m], >= 0. Those that lie
+        within the hull are left out.
+    parts, sides : sequence of str, optional
+        Names of the circles, and of the straight sides that follow each of them clockwise. "circle 1", "side 1" and so
+        on by default.
+    inertia, centre : optional
+        As for :func:`polygon`; both must be given where the hull is a line or a point.
 
     Returns
     -------
@@ -241,14 +240,41 @@ def hull(
     Raises
     ------
     TypeError, ValueError
-        Naming the argument, its value and the allowed range: as for :class:`Body`.
+        Naming the argument, its value and the allowed range. Of too many circles the message says which will do.
     """
+    mass = checked("hull", "mass", mass, MEASURE)
     table = _table("hull", "circles", circles, 3)
     for k, radius in enumerate(table[:, 2].tolist()):
         checked(f"hull.circles[{k}]", "radius", radius, MEASURE_OR_0)
     parts = _names("hull", "parts", parts, "circle", table)
-    sides = ["side"] * len(table) if sides is None else _names("hull", "sides", sides, "side", table)
-    return Body(mass, inertia, hull_of_circles(table, parts, sides))
+    sides = _names("hull", "sides", sides, "side", table)
+    arcs = hull_of_circles(table, parts, sides)
+    if len(arcs) > MOST_ARCS:
+        raise ValueError(f"hull.circles: the hull has {len(arcs)} arcs: must have 1 to {MOST_ARCS}{_remedy(table)}")
+    return _weighed("hull", mass, arcs, inertia, centre)
+
+
+def _remedy(circles: Floats) -> str:
+    """Return which circles will do where there are too many, empty if they span no outline."""
+    chosen, depth = fewer_circles(circles, MOST_ARCS)
+    return f"; rows {chosen} alone make an outline that lies {depth:.2g} m within it at most" if len(chosen) > 2 else ""
+
+
+def _weighed(owner: str, mass: float, arcs: tuple[Arc, ...], inertia: float | None, centre: ArrayLike | None) -> Body:
+    """Return the body of an outline in any frame, uniform where its inertia and its mass centre are not given."""
+    if centre is not None:
+        if inertia is None:
+            raise ValueError(f"{owner}.inertia = None: must be given where {owner}.centre is")
+        ((x, y),) = _table(owner, "centre", [centre], 2).tolist()
+        if not outline_of(shifted(arcs, -x, -y)).holds_the_mass_centre:
+            raise ValueError(f"{owner}.centre = {(x, y)!r}: must lie within the outline")
+    else:
+        try:
+            _, (x, y), uniform = mass_properties(arcs)
+        except ValueError as error:
+            raise ValueError(f"{owner}.centre = None: must be given where the outline has no area") from error
+        inertia = mass * uniform if inertia is None else inertia
+    return Body(mass, checked(owner, "inertia", inertia, INERTIA), shifted(arcs, -x, -y))
 
 
 def _table(owner: str, name: str, given: Any, columns: int) -> Floats:
@@ -270,4 +296,7 @@ def _names(owner: str, name: str, given: Sequence[str] | None, default: str, tab
         raise TypeError(f"{owner}.{name} = {given!r}: must be a sequence of names")
     if len(given) != len(table):
         raise ValueError(f"{owner}.{name} has {len(given)} names: must have {len(table)}")
+    for k, word in enumerate(given):
+        if not word:
+            raise ValueError(f"{owner}.{name}[{k}] = {word!r}: must have a letter")
     return list(given)

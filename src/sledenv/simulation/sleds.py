@@ -102,8 +102,8 @@ def sled(
     parts = [circle[3] for circle in circles]
     arcs = hull_of_circles(table, parts, [part if part in (LEGS, RIDER) else FRAME for part in parts])
     arcs = _on_runners(arcs, given["bow_radius"])
-    weights = [(sled_mass, 0.0, 0.5 * deck, (given["length"] ** 2 + deck**2) / 12.0)]
-    weights += [(limb.share * rider_mass, *_middle(ends)) for limb, *ends in limbs]
+    weights = [(given["sled_mass"], 0.0, 0.5 * deck, (given["length"] ** 2 + deck**2) / 12.0)]
+    weights += [(limb.share * given["rider_mass"], *_middle(ends)) for limb, *ends in limbs]
     mass = sum(weight for weight, *_ in weights)
     x, y = (sum(weight[0] * weight[i] for weight in weights) / mass for i in (1, 2))
     inertia = sum(weight * ((a - x) ** 2 + (b - y) ** 2 + own) for weight, a, b, own in weights)
