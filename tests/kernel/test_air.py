@@ -63,9 +63,7 @@ def test_the_speed_of_a_long_fall_and_of_a_long_slide_is_the_terminal_one():
     assert after(400.0, State(0.0, 1e5, 0.0)).state.v == EXACT(-TERMINAL, rel=1e-12)
     angle, friction, plate = 0.2, 0.05, rod(80.0, 1.0, 0.1).replace(drag_area=AREA)
     law = ContactLaw(1e6, 0.5, friction, 0.0)
-    end = simulate(
-        plate, law, Slope(angle), State(0.0, 0.05, 0.0, 5.0), Settings(max_time=900.0, solver="rigid")
-    ).state
+    end = simulate(plate, law, Slope(angle), State(0.0, 0.05, 0.0, 5.0), Settings(max_time=900.0, solver="rigid")).state
     left = G * (math.sin(angle) - friction * math.cos(angle))
     assert end.u == EXACT(math.sqrt(left / (0.5 * 1.2 * AREA / 80.0)), rel=1e-12)
 

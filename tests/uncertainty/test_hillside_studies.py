@@ -14,7 +14,7 @@ import yaml
 import sledenv
 from sledenv import Settings
 from sledenv.machine.files import replacing
-from sledenv.scenarios.rocks import RockBody
+from sledenv.scenarios.bodies import RockBody
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.records import FINISH, STATUS_OF_CODE
 from sledenv.simulation.support import resting_heights, within_a_turn

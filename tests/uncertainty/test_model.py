@@ -16,8 +16,9 @@ from scipy import integrate
 
 import sledenv
 from sledenv import ContactLaw, State, simulate_batch
+from sledenv.scenarios.bodies import OneBody
 from sledenv.scenarios.configuration import Section
-from sledenv.scenarios.sections import ContactSection, LaunchSection, OneBody, SlopeSection, ZoneSection
+from sledenv.scenarios.sections import ContactSection, LaunchSection, SlopeSection, ZoneSection
 from sledenv.uncertainty import StudyError, load_study, study_names
 from sledenv.uncertainty.distributions import EDGE, KINDS, Distribution
 from sledenv.uncertainty.model import _CONTEXT, _LAW, _SLOPE

@@ -15,12 +15,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
+from sledenv.scenarios.bodies import AnyBody, ChoiceBody
 from sledenv.scenarios.configuration import Document, Pair
 from sledenv.scenarios.handmade import Track, load_track
 from sledenv.scenarios.sections import (
-    AnyBody,
     BumpsSection,
-    ChoiceBody,
     ContactSection,
     ControlSection,
     EndsSection,
@@ -252,9 +251,9 @@ class Scenario(Document):
         """
         content = self.model_dump(mode="json", exclude={"title", "question", "description", "sources", "tags"})
         content["control"] = _given(content["control"])
-        content["body"] = _given(content["body"])
+        content["body"] = _told(content["body"])
         if "of" in content["body"]:
-            content["body"]["of"] = list(map(_given, content["body"]["of"]))
+            content["body"]["of"] = list(map(_told, content["body"]["of"]))
         content["ends"] = {rule: on for rule, on in content["ends"].items() if on} or None
         own = "restitution", "stiffness_n_m", "pieces", "material"
         zones = ({key: value for key, value in zone.items() if key not in own or value} for zone in content["zones"])
@@ -841,6 +840,11 @@ def _records(section: AnyBody) -> np.ndarray:
 @lru_cache
 def _laid(profile: Profile) -> Grounds:
     return Grounds.of((vertices_of(profile),))
+
+
+def _told(body: dict[str, Any]) -> dict[str, Any]:
+    """Return what is given of a body, without a drag area of 0."""
+    return {key: value for key, value in _given(body).items() if key != "drag_area_m2" or value}
 
 
 def _given(content: dict[str, Any]) -> dict[str, Any]:

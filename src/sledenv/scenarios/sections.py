@@ -1,29 +1,21 @@
-"""What a scenario's file says of the body, the slope, the contact, the launch and of what an agent chooses."""
+"""What a scenario's file says of the slope, the contact, the launch and of what an agent chooses."""
 
 from __future__ import annotations
 
 import math
-import re
-from abc import abstractmethod
 from collections.abc import Collection
 from functools import lru_cache
 from itertools import combinations
-from typing import Annotated, Final, Literal, Self
+from typing import Annotated, Final, Self
 
 import numpy as np
-from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
+from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
-from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Point, Points, Quantity, Range, Section, Whole
-from sledenv.scenarios.rocks import RockBody
+from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
 from sledenv.scenarios.terrain import too_steep
-from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
-from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import AIR_DENSITY, MOST_VERTICES, STEEPEST, Profile, checked_profile
-from sledenv.simulation.shapes import circular_segment, hull, lamina, polygon
-from sledenv.simulation.sleds import sled
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
-_ROWS: Final = 1000  # of an outline; how many arcs it may have is up to the simulator
 
 
 class LaunchControl(Bounds):
@@ -49,201 +41,6 @@ class LaunchControl(Bounds):
         self.printed = printed
         self.drawn = drawn
         self.turn = turn
-
-
-class DiscBody(Section):
-    """A full disc whose mass centre lies off its axis."""
-
-    kind: Literal["disc"]
-    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
-    radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")]
-    eccentricity_m: Annotated[float, Quantity("[0, 1e+50] m")]
-    inertia_kg_m2: Annotated[float, Quantity("[1e-250, 1e+150] kg m^2")]  # about the mass centre
-
-    @field_validator("eccentricity_m")
-    @classmethod
-    def _mass_centre_inside(cls, eccentricity: float, info: ValidationInfo) -> float:
-        radius = info.data.get("radius_m", math.inf)
-        if eccentricity >= radius:
-            raise ValueError(f"must be a number in [0, radius_m) = [0, {radius:g}) m")
-        return eccentricity
-
-    @field_validator("inertia_kg_m2")
-    @classmethod
-    def _mass_within_the_rim(cls, inertia: float, info: ValidationInfo) -> float:
-        if {"mass_kg", "radius_m", "eccentricity_m"} <= info.data.keys():
-            mass, radius, eccentricity = (info.data[key] for key in ("mass_kg", "radius_m", "eccentricity_m"))
-            highest = mass * (radius - eccentricity) * (radius + eccentricity)
-            if inertia > highest * (1.0 + 1e-9):
-                raise ValueError(f"must be a number in (0, m (r^2 - h^2)] = (0, {highest:g}] kg m^2")
-        return inertia
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2)
-
-
-class SegmentBody(Section):
-    """A uniform lamina bounded by an arc and its chord."""
-
-    kind: Literal["segment"]
-    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
-    radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")]
-    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")]  # of the arc
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        return circular_segment(self.mass_kg, self.radius_m, math.radians(self.half_angle_deg))
-
-
-class SledBody(Section):
-    """A skeleton sled with its rider, who lies on it head first; its parts are runner, frame, legs and rider."""
-
-    kind: Literal["sled"]
-    rider_mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")] = 80.0
-    sled_mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")] = 40.0
-    rider_height_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 1.75
-    length_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 0.95
-    height_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 0.1  # of the deck
-    bow_radius_m: Annotated[float, Quantity("[1e-50, 1e+50] m")] = 15.0  # of the runners
-    balance: Annotated[float, Quantity("(-1, 1)")] = 0.0  # of the rider in front of the middle, over half the length
-
-    @model_validator(mode="after")
-    def _holds_together(self) -> Self:
-        try:
-            self.build()
-        except ValueError as error:
-            raise ValueError(str(error).removeprefix("sled.")) from None
-        return self
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        given = {
-            "rider_height": self.rider_height_m,
-            "length": self.length_m,
-            "height": self.height_m,
-            "bow_radius": self.bow_radius_m,
-        }
-        return sled(self.rider_mass_kg, self.sled_mass_kg, **given, balance=self.balance)
-
-
-class OutlinedBody(Section):
-    """A body that is told by its outline: a uniform lamina, unless its inertia and its mass centre are given."""
-
-    kind: str
-    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
-    inertia_kg_m2: Annotated[float | None, Quantity("[1e-250, 1e+150] kg m^2")] = None  # about the mass centre
-    centre_m: Annotated[Pair | None, Point("[-1e+50, 1e+50] m")] = None  # the mass centre, in the frame of the outline
-
-    @model_validator(mode="after")
-    def _can_be_built(self) -> Self:
-        try:
-            self.build()
-        except ValueError as error:
-            raise ValueError(re.sub(r"\b(?:polygon|hull|lamina|Body)\.(\w+)", self._key, str(error))) from None
-        return self
-
-    @classmethod
-    def _key(cls, argument: re.Match[str]) -> str:
-        """Return the key that an argument of the simulator is told by: that of its name, with a unit."""
-        return next(key for key in cls.model_fields if f"{key}_".startswith(f"{argument[1]}_"))
-
-    @abstractmethod
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-
-
-class PolygonBody(OutlinedBody):
-    """A convex polygon, with corners that may be rounded."""
-
-    kind: Literal["polygon"]
-    points_m: Annotated[tuple[Pair, ...], Points("[-1e+50, 1e+50] m", 3, _ROWS)]  # in either direction of turn
-    rounding_m: Annotated[float, Quantity("[0, 1e+50] m")] = 0.0  # radius of the corners
-    parts: tuple[StrictStr, ...] | None = None  # names of the corners
-    sides: tuple[StrictStr, ...] | None = None  # and of the sides, from each corner to the next one
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        names = self.parts, self.sides
-        return polygon(self.mass_kg, self.points_m, self.rounding_m, *names, self.inertia_kg_m2, self.centre_m)
-
-
-class HullBody(OutlinedBody):
-    """The convex hull of circles."""
-
-    kind: Literal["hull"]
-    circles_m: Annotated[
-        tuple[tuple[float, float, float], ...],
-        Points("[-1e+50, 1e+50] m", 1, _ROWS, "triples [x, y, radius]"),
-    ]
-    parts: tuple[StrictStr, ...] | None = None  # names of the circles
-    sides: tuple[StrictStr, ...] | None = None  # and of the straight sides, behind each circle clockwise
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        return hull(self.mass_kg, self.circles_m, self.parts, self.sides, self.inertia_kg_m2, self.centre_m)
-
-
-class ArcSection(Section):
-    """One arc of an outline: see :class:`sledenv.Arc`."""
-
-    x_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
-    y_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
-    radius_m: Annotated[float, Quantity("[0, 1e+50] m")]
-    begin_rad: Annotated[float, Quantity("[-3.141592653589793, 3.141592653589793) rad")]
-    part: StrictStr = "arc"
-    side: StrictStr = "side"
-    corner: StrictBool | None = None
-
-
-class ArcsBody(OutlinedBody):
-    """Any convex outline, told by its arcs."""
-
-    kind: Literal["arcs"]
-    arcs: Annotated[tuple[ArcSection, ...], Field(min_length=1)]
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        arcs = [Arc(*(value for _, value in arc)) for arc in self.arcs]
-        return lamina(self.mass_kg, arcs, self.inertia_kg_m2, self.centre_m)
-
-
-class CustomBody(Section):
-    """Any segment of the simulator."""
-
-    kind: Literal["custom"]
-    mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
-    radius_m: Annotated[float, Quantity("[0, 1e+50] m")]
-    eccentricity_m: Annotated[float, Quantity("[0, 1e+50] m")]
-    inertia_kg_m2: Annotated[float, Quantity("[1e-250, 1e+150] kg m^2")]  # about the mass centre
-    half_angle_deg: Annotated[float, Quantity("(0, 180] deg")] = 180.0
-
-    @model_validator(mode="after")
-    def _mass_centre_inside(self) -> Self:
-        half_angle = math.radians(self.half_angle_deg)
-        if not holds_its_mass_centre(self.radius_m, self.eccentricity_m, half_angle):
-            least = least_eccentricity(self.radius_m, half_angle)
-            allowed = f"[max(radius_m cos(half_angle_deg), 0), radius_m] = [{least:g}, {self.radius_m:g}] m"
-            raise ValueError(f"eccentricity_m = {self.eccentricity_m:g}: must be a number in {allowed}")
-        return self
-
-    def build(self) -> Body:
-        """Return the body of the simulator."""
-        half_angle = math.radians(self.half_angle_deg)
-        return segment(self.mass_kg, self.radius_m, self.eccentricity_m, self.inertia_kg_m2, half_angle)
-
-
-OneBody = DiscBody | SegmentBody | SledBody | PolygonBody | HullBody | ArcsBody | CustomBody | RockBody
-
-
-class ChoiceBody(Section):
-    """One of several bodies, drawn anew for each context."""
-
-    kind: Literal["choice"]
-    of: Annotated[tuple[Annotated[OneBody, Field(discriminator="kind")], ...], Field(min_length=2, max_length=12)]
-
-
-AnyBody = OneBody | ChoiceBody
 
 
 class BumpsSection(Section):

@@ -237,8 +237,8 @@ def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str
     Parameters
     ----------
     bodies : Body, sequence of Body, or ndarray
-        One, or as many as lanes: bodies, the fields of segments without drag, shape (N, 5), or records of kernel.outline.BODY, shape
-        (1,) or (N,), that are complete.
+        One, or as many as lanes: bodies, the fields of segments without drag, shape (N, 5), or records of
+        kernel.outline.BODY, shape (1,) or (N,), that are complete.
     lanes : int
         How many descents there are.
     name : str
@@ -417,7 +417,7 @@ def _outside(owner: str, radius: float, eccentricity: float, half_angle: float) 
 
 
 def check_bodies(owner: str, rows: Floats) -> None:
-    """Check the fields of many segments without drag at once, shape (N, 5): as ``checked_rows`` does, and where mass centres are.
+    """Check the fields of many segments without drag, shape (N, 5): as ``checked_rows`` does, and their mass centres.
 
     Raises
     ------

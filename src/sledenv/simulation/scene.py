@@ -364,7 +364,7 @@ class Slope(Checked, _SlopeFields):
     """
 
     __slots__ = ()
-    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE, NOT_NEGATIVE)  # of the first of ``row``
+    rules: ClassVar[tuple[Rule, ...]] = (STEEPNESS, _LENGTH, NOT_NEGATIVE)
 
     def __new__(
         cls,
@@ -376,14 +376,13 @@ class Slope(Checked, _SlopeFields):
         rounding: float | Sequence[float] | np.ndarray = 0.0,
         air_density: float = AIR_DENSITY,
     ) -> Self:
-        given = zip(params.Slope._fields, (angle, length, gravity, air_density), cls.rules, strict=True)
-        angle, length, gravity, air_density = (checked("Slope", name, value, rule) for name, value, rule in given)
+        given = zip(cls._fields, (angle, length, gravity), cls.rules, strict=False)
+        angle, length, gravity = (checked("Slope", name, value, rule) for name, value, rule in given)
+        air_density = checked("Slope", "air_density", air_density, NOT_NEGATIVE)
         ground = checked_profile(profile, rounding)
         vertices, radii = tuple((x, y) for x, y, _ in ground), tuple(radius for _, _, radius in ground)
         bends = radii if any(radii) else ()
-        return super().__new__(
-            cls, angle, length, gravity, _checked_zones(zones, length), vertices, bends, air_density
-        )
+        return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length), vertices, bends, air_density)
 
     @property
     def row(self) -> tuple[float, ...]:

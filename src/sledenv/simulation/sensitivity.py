@@ -18,6 +18,7 @@ from sledenv.simulation.jam import SHOWN, DescentJam, Shown
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.rules import (
     CLOSED_FRACTION,
+    NOT_NEGATIVE,
     POSITIVE,
     RESTITUTION,
     checked_choice,
@@ -88,6 +89,7 @@ SIGNS = np.array([-1.0, 1.0])  # of what the two directions do to a parameter
 _STEPS = 2.0 ** -np.arange(33.0)  # of the scale of a parameter: changes that are looked at
 _COLUMN = {name: i for i, name in enumerate(PARAMETERS)}
 _RESTITUTION = _COLUMN["restitution"]
+_SLOPE = (*Slope.rules, NOT_NEGATIVE)  # rules of angle, length, gravity and air density
 _SECTIONS = (6, 11, 15, 21)  # columns of launch, law, slope, body and zones: where the next begins
 _TO_THE_LAST_BIT = 64  # bisections
 _BLOCK_RECORDS = 1 << 17  # of rebounds, kept at a time
@@ -345,7 +347,7 @@ class Neighbours:
         self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        incline, zones = descent.slope.row[: len(Slope.rules)], descent.slope.row[len(Slope.rules) :]
+        incline, zones = descent.slope.row[: len(_SLOPE)], descent.slope.row[len(_SLOPE) :]
         of_zones = [*zones, *[np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))]
         self.centre = np.array([*descent.launch, *of_law, *incline, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
@@ -388,7 +390,8 @@ class Neighbours:
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
         zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
         zones = [(f"zone_{k}_{name}", scale) for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()]
-        halves = ["stiffness", "length", "gravity", "air_density", "mass", "inertia", "drag_area", *(["radius"] if self.crests else [])]
+        halves = ["stiffness", "length", "gravity", "air_density", "mass", "inertia", "drag_area"]
+        halves += ["radius"] if self.crests else []
         halves += [f"zone_{k}_stiffness" for k in range(1, MOST_ZONES + 1)]
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
@@ -430,10 +433,10 @@ class Neighbours:
         bounce = CLOSED_FRACTION if self.settings.solver == "rigid" else RESTITUTION
         fine: NDArray[np.bool_] = bounce[0](restitution) & (launches[:, 0] < slopes[:, 1])
         segments = isinstance(self.descent.body, Segment)
-        for kind, rows in ((Segment, bodies), (ContactLaw, laws), (Slope, slopes)):
-            for (accepts, _), column in zip(kind.rules, rows.T, strict=False):  # zones come behind a slope
-                fine &= accepts(column) | (np.isnan(column) & (kind is Segment and not segments))
-        zones = slopes[:, len(Slope.rules) :].reshape(len(slopes), len(self.descent.slope.zones), len(OF_ZONE))
+        for rules, rows in ((Segment.rules, bodies), (ContactLaw.rules, laws), (_SLOPE, slopes)):
+            for (accepts, _), column in zip(rules, rows.T, strict=False):  # zones come behind a slope
+                fine &= accepts(column) | (np.isnan(column) & (rules is Segment.rules and not segments))
+        zones = slopes[:, len(_SLOPE) :].reshape(len(slopes), len(self.descent.slope.zones), len(OF_ZONE))
         of_zone = (*Zone.rules, or_absent(bounce), or_absent(POSITIVE))
         for (accepts, _), column in zip(of_zone, np.moveaxis(zones, 2, 0), strict=True):
             fine &= accepts(column).all(axis=1)

@@ -29,7 +29,7 @@ _HALF_ANGLE: Rule = (lambda v: (v >= 1e-40) & (v <= math.pi), "in [1e-40, pi] ra
 _THIN = 0.3  # [rad] half-angle below which the closed form of a segment loses digits
 
 
-def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
+def circular_segment(mass: float, radius: float, half_angle: float, drag_area: float = 0.0) -> Segment:
     """Return the uniform lamina bounded by an arc and its chord: docs/physics.md, section 8.
 
     Parameters
@@ -40,6 +40,8 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
         Radius of the arc [m], > 0.
     half_angle : float
         Half of the angle that the arc subtends [rad] in [1e-40, pi].
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -51,15 +53,18 @@ def circular_segment(mass: float, radius: float, half_angle: float) -> Segment:
     alpha = checked("circular_segment", "half_angle", half_angle, _HALF_ANGLE)
     if alpha < _THIN:
         _, height, inertia = (float(moment[0]) for moment in segment_moments(np.array([alpha])))
-        return Segment(mass, radius, radius * min(math.cos(alpha) + height, 1.0), mass * radius**2 * inertia, alpha)
+        eccentricity, inertia = radius * min(math.cos(alpha) + height, 1.0), mass * radius**2 * inertia
+        return Segment(mass, radius, eccentricity, inertia, alpha, drag_area)
     sine, cosine = math.sin(alpha), math.cos(alpha)
     area = alpha - sine * cosine  # of the segment, over r^2
     eccentricity = 2.0 * radius * sine**3 / (3.0 * area)
     about_arc_centre = 0.5 * mass * radius**2 * (1.0 + 2.0 * sine**3 * cosine / (3.0 * area))
-    return Segment(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha)
+    return Segment(mass, radius, eccentricity, about_arc_centre - mass * eccentricity**2, alpha, drag_area)
 
 
-def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float | None = None) -> Segment:
+def disc(
+    mass: float, radius: float, eccentricity: float = 0.0, inertia: float | None = None, drag_area: float = 0.0
+) -> Segment:
     """Return a disc, uniform by default: docs/physics.md, section 1.
 
     Parameters
@@ -73,6 +78,8 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
     inertia : float, optional
         Moment of inertia about the mass centre [kg m^2], > 0; ``mass * radius**2 / 2`` by default. It must be given
         where the eccentricity is not 0, for the disc is not uniform then.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -91,13 +98,19 @@ def disc(mass: float, radius: float, eccentricity: float = 0.0, inertia: float |
         if eccentricity > 0.0:
             raise ValueError("disc.inertia = None: must be given where the eccentricity is not 0")
         inertia = 0.5 * mass * radius**2
-    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, INERTIA))
+    return Segment(mass, radius, eccentricity, checked("disc", "inertia", inertia, INERTIA), drag_area=drag_area)
 
 
 # Other outlines.
 
 
-def lamina(mass: float, arcs: Sequence[Arc], inertia: float | None = None, centre: ArrayLike | None = None) -> Body:
+def lamina(
+    mass: float,
+    arcs: Sequence[Arc],
+    inertia: float | None = None,
+    centre: ArrayLike | None = None,
+    drag_area: float = 0.0,
+) -> Body:
     """Return a body whose arcs are given in any frame, uniform by default: docs/physics.md, section 8.
 
     Parameters
@@ -108,6 +121,8 @@ def lamina(mass: float, arcs: Sequence[Arc], inertia: float | None = None, centr
         As those of :class:`Body`, but from any point.
     inertia, centre : optional
         As for :func:`polygon`; both must be given where the outline has no area.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -120,10 +135,12 @@ def lamina(mass: float, arcs: Sequence[Arc], inertia: float | None = None, centr
     """
     mass = checked("lamina", "mass", mass, MEASURE)
     arcs, _ = checked_outline("lamina", arcs)
-    return _weighed("lamina", mass, arcs, inertia, centre)
+    return _weighed("lamina", mass, arcs, inertia, centre, drag_area)
 
 
-def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | None = None) -> Body:
+def rod(
+    mass: float, length: float, thickness: float = 0.0, inertia: float | None = None, drag_area: float = 0.0
+) -> Body:
     """Return a rod that lies along x at phi = 0, with its mass centre in the middle: docs/physics.md, section 8.
 
     Its ends are the parts "nose", downhill at phi = 0, and "tail"; its sides are "bottom" and "top".
@@ -138,6 +155,8 @@ def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | Non
         [m], >= 0; the ends are half circles. 0, the default, is a line between two corners.
     inertia : float, optional
         Moment of inertia about the mass centre [kg m^2], > 0; that of a uniform rod by default.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -156,7 +175,7 @@ def rod(mass: float, length: float, thickness: float = 0.0, inertia: float | Non
     arcs = Arc(half, 0.0, r, -math.pi, "nose", "bottom"), Arc(-half, 0.0, r, 0.0, "tail", "top")
     if inertia is None:
         inertia = mass * (mass_properties(arcs)[2] if thickness > 0.0 else length**2 / 12.0)
-    return Body(mass, checked("rod", "inertia", inertia, INERTIA), arcs)
+    return Body(mass, checked("rod", "inertia", inertia, INERTIA), arcs, drag_area)
 
 
 def polygon(
@@ -167,6 +186,7 @@ def polygon(
     sides: Sequence[str] | None = None,
     inertia: float | None = None,
     centre: ArrayLike | None = None,
+    drag_area: float = 0.0,
 ) -> Body:
     """Return a convex polygon, with corners that may be rounded: docs/physics.md, section 8.
 
@@ -188,6 +208,8 @@ def polygon(
         where ``centre`` is.
     centre : array_like of float, shape (2,), optional
         The mass centre [m] in the frame of the corners; that of the uniform lamina by default.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -207,7 +229,7 @@ def polygon(
     rounding = checked("polygon", "rounding", rounding, NOT_NEGATIVE)
     parts = _names("polygon", "parts", parts, "corner", corners)
     sides = _names("polygon", "sides", sides, "side", corners)
-    return _weighed("polygon", mass, polygon_of(corners, rounding, parts, sides), inertia, centre)
+    return _weighed("polygon", mass, polygon_of(corners, rounding, parts, sides), inertia, centre, drag_area)
 
 
 def hull(
@@ -217,6 +239,7 @@ def hull(
     sides: Sequence[str] | None = None,
     inertia: float | None = None,
     centre: ArrayLike | None = None,
+    drag_area: float = 0.0,
 ) -> Body:
     """Return a body whose outline is the convex hull of circles: docs/physics.md, section 8.
 
@@ -232,6 +255,8 @@ def hull(
         on by default.
     inertia, centre : optional
         As for :func:`polygon`; both must be given where the hull is a line or a point.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -251,7 +276,7 @@ def hull(
     arcs = hull_of_circles(table, parts, sides)
     if len(arcs) > MOST_ARCS:
         raise ValueError(f"hull.circles: the hull has {len(arcs)} arcs: must have 1 to {MOST_ARCS}{_remedy(table)}")
-    return _weighed("hull", mass, arcs, inertia, centre)
+    return _weighed("hull", mass, arcs, inertia, centre, drag_area)
 
 
 def _remedy(circles: Floats) -> str:
@@ -260,7 +285,9 @@ def _remedy(circles: Floats) -> str:
     return f"; rows {chosen} alone make an outline that lies {depth:.2g} m within it at most" if len(chosen) > 2 else ""
 
 
-def _weighed(owner: str, mass: float, arcs: tuple[Arc, ...], inertia: float | None, centre: ArrayLike | None) -> Body:
+def _weighed(
+    owner: str, mass: float, arcs: tuple[Arc, ...], inertia: float | None, centre: ArrayLike | None, drag_area: float
+) -> Body:
     """Return the body of an outline in any frame, uniform where its inertia and its mass centre are not given."""
     if centre is not None:
         if inertia is None:
@@ -274,7 +301,7 @@ def _weighed(owner: str, mass: float, arcs: tuple[Arc, ...], inertia: float | No
         except ValueError as error:
             raise ValueError(f"{owner}.centre = None: must be given where the outline has no area") from error
         inertia = mass * uniform if inertia is None else inertia
-    return Body(mass, checked(owner, "inertia", inertia, INERTIA), shifted(arcs, -x, -y))
+    return Body(mass, checked(owner, "inertia", inertia, INERTIA), shifted(arcs, -x, -y), drag_area)
 
 
 def _table(owner: str, name: str, given: Any, columns: int) -> Floats:

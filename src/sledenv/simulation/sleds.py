@@ -46,6 +46,7 @@ def sled(
     height: float = 0.10,
     bow_radius: float = 15.0,
     balance: float = 0.0,
+    drag_area: float = 0.0,
 ) -> Body:
     """Return a skeleton sled with its rider, who lies on it head first: docs/physics.md, section 8.
 
@@ -68,6 +69,8 @@ def sled(
     balance : float
         How far the mass centre of the rider lies in front of the middle of the runners, over half the length of the
         sled, in (-1, 1): the balance point that athletes tune.
+    drag_area : float
+        [m^2], as of :class:`Body`; 0 by default.
 
     Returns
     -------
@@ -107,7 +110,7 @@ def sled(
     mass = sum(weight for weight, *_ in weights)
     x, y = (sum(weight[0] * weight[i] for weight in weights) / mass for i in (1, 2))
     inertia = sum(weight * ((a - x) ** 2 + (b - y) ** 2 + own) for weight, a, b, own in weights)
-    return Body(mass, inertia, shifted(arcs, -x, -y))
+    return Body(mass, inertia, shifted(arcs, -x, -y), drag_area)
 
 
 def _laid(rider_height: float, deck: float, forward: float) -> list[tuple[_Limb, Circle, Circle]]:

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BeforeValidator, Field, SerializeAsAny, ValidationError, model_validator
 
+from sledenv.scenarios.bodies import ChoiceBody
 from sledenv.scenarios.configuration import Document, Quantity, Section, Whole, wrong_kind
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.sections import (
     BumpsSection,
-    ChoiceBody,
     ContactSection,
     LaunchSection,
     SlopeSection,
