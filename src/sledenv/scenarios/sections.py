@@ -145,8 +145,8 @@ class OutlinedBody(Section):
 
     @classmethod
     def _key(cls, argument: re.Match[str]) -> str:
-        """Return the key that an argument of the simulator is told by: that of its name, with a unit."""
-        return next(key for key in cls.model_fields if f"{key}_".startswith(f"{argument[1]}_"))
+        """Return the key that an argument of the simulator is told by, if one is: its name with a unit."""
+        return next((key for key in cls.model_fields if f"{key}_".startswith(f"{argument[1]}_")), argument[0])
 
     @abstractmethod
     def build(self) -> Body:
