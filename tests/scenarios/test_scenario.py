@@ -489,6 +489,10 @@ def cornered(*points: Any) -> dict[str, Any]:
         (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
         (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
         (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
+        (
+            cornered([0, 0], [1, 0], [1, 1e-12], [0, 1]),
+            "body: Body.arcs[1].begin = -1.5707963267948966: the side of 9.9",
+        ),
         (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1] = [1.0, 0.0]: must differ from the next one"),
         (
             cornered([0, 0], [1, 0], [1, 1], [0.9, 0.1]),
