@@ -149,7 +149,7 @@ def with_options(options: Any) -> Any:
             lambda: land_parallel.Agent(Problem("sled_mat")),
             "problem.environment = 'launch': must be 'descent'",
         ),
-        (lambda: sledenv.polygon(1.0, np.zeros((13, 2))), "polygon.points has 13 rows: must have 3 to 12"),
+        (lambda: sledenv.polygon(1.0, np.zeros((25, 2))), "polygon.points has 25 rows: must have 3 to 24"),
         (
             lambda: sledenv.polygon(1.0, [(0, 0), (1, 0), (0, 1)], centre=(2, 2), inertia=1.0),
             "polygon.centre = (2.0, 2.0): must lie within the outline",

@@ -296,7 +296,9 @@ def test_an_agent_that_ships_rides_better_than_the_rule():
     assert learned > rule + 0.1
 
 
-@pytest.mark.parametrize("scenario", [name for name in scenario_names() if "paper" not in load_scenario(name).tags])
+@pytest.mark.parametrize(
+    "scenario", [name for name in scenario_names() if not {"paper", "engineer"} & set(load_scenario(name).tags)]
+)
 def test_a_shipped_agent_is_of_its_scenario_as_it_is_and_beats_the_zero_action(scenario):
     """Oracle: no action at all, in contexts that no training has seen; the scenario itself."""
     (run,) = TRAINED.glob(f"{scenario}-*-critic-s0")

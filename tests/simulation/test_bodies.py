@@ -92,8 +92,8 @@ SIDES = corners((1.0, 1.0, -math.pi), (1.0, -1.0, -QUARTER), (-1.0, -1.0, 0.0), 
 @pytest.mark.parametrize(
     ("arcs", "message"),
     [
-        pytest.param([], "Body.arcs has 0 arcs: must have 1 to 12", id="no arcs"),
-        pytest.param(SIDES * 4, "Body.arcs has 16 arcs: must have 1 to 12", id="too many"),
+        pytest.param([], "Body.arcs has 0 arcs: must have 1 to 24", id="no arcs"),
+        pytest.param(SIDES * 7, "Body.arcs has 28 arcs: must have 1 to 24", id="too many"),
         pytest.param(
             [SIDES[0], SIDES[1]._replace(radius=BELOW_ZERO)],
             "Body.arcs[1].radius = -1e-300: must be in [0, inf)",

@@ -44,7 +44,7 @@ def test_laws_slopes_and_bodies_may_be_frames_too() -> None:
     laws, slopes = np.tile(LAW, (3, 1)), np.tile([*SLOPE[:3], 0.0, 5.0, 0.2, 1e-3, 0.0, np.nan, np.nan], (3, 1))
     bodies = np.tile([1.0, 0.1, 0.05, 0.0075, 2.0], (3, 1))
     zone = [f"zones[0].{name}" for name in sledenv.Zone._fields]
-    columns = sledenv.Segment.fields, ContactLaw._fields, (*Slope._fields[:3], *zone)
+    columns = sledenv.Segment.fields[:-1], ContactLaw._fields, (*Slope._fields[:3], *zone)
     frames = [
         pd.DataFrame(rows, columns=names).iloc[:, ::-1]
         for rows, names in zip((bodies, laws, slopes), columns, strict=True)

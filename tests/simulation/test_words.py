@@ -101,8 +101,8 @@ def test_a_body_can_be_read_back_from_json(body: Body) -> None:
     text = json.dumps(plain_setting(body, descent.law, descent.slope, descent.launch)["body"])
     plain = json.loads(text)
     if "arcs" in plain:
-        assert list(plain) == ["mass", "inertia", "arcs"]
-        assert Body(plain["mass"], plain["inertia"], [Arc(**arc) for arc in plain["arcs"]]) == body
+        assert list(plain) == ["mass", "inertia", "arcs", "drag_area"]
+        assert Body(plain["mass"], plain["inertia"], [Arc(**arc) for arc in plain["arcs"]], plain["drag_area"]) == body
     else:
-        assert list(plain) == ["mass", "radius", "eccentricity", "inertia", "half_angle"]
+        assert list(plain) == ["mass", "radius", "eccentricity", "inertia", "half_angle", "drag_area"]
         assert segment(**plain) == body
