@@ -17,8 +17,8 @@ from sledenv.simulation.scene import ContactLaw, Slope, Zone
 def test_the_ends_of_the_ranges_are_accepted() -> None:
     """Oracle: the ranges in the docstrings: no losses, no gravity, a slope without end."""
     assert ContactLaw(1e6, 0.0, 0.0, 0.0).corner_rolling_arm == 0.0
-    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, (), (), ())
-    assert Slope(0.1) == (0.1, math.inf, 9.81, (), (), ())
+    assert Slope(-1.5, math.inf, 0.0) == (-1.5, math.inf, 0.0, (), (), (), 1.2)
+    assert Slope(0.1) == (0.1, math.inf, 9.81, (), (), (), 1.2)
     assert Zone(-1.0, math.inf, 0.0, 0.0) == (-1.0, math.inf, 0.0, 0.0, 0.0, None, None)
     assert Zone(0.0, 1.0, 0.0, 0.0, restitution=1.0).restitution == 1.0
     assert Slope(0.1, 5.0, 9.81, [Zone(-1.0, 2.0, 0.1, 0.0), (2.0, 5.0, 0.0, 0.0, 0.0)]).zones[1].begin == 2.0

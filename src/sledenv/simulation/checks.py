@@ -84,7 +84,7 @@ def checked_descent(body: Body, law: ContactLaw, slope: Slope, launch: State, se
     zones = np.array([zone.row for zone in slope.zones]) if slope.zones else NO_ZONES
     places = 0.0, 0.0, len(ground.pieces), 0.0, len(zones)
     settle = settle_speed(slope.gravity, body.size) if settings.settle_speed is None else settings.settle_speed
-    row = np.array([*places, *law, settle, *slope.row[:_SLOPE], *launch, 1.0, 0.0])
+    row = np.array([*places, *law, settle, *slope.incline, *launch, 1.0, 0.0])
     scenes = admitted(Scenes(row.view(SCENE), body.record, ground.pieces, zones), settings, _ONE)
     return CheckedDescent(body, law, slope, State.found(scenes.launches[0].tolist()), scenes)
 
@@ -176,7 +176,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
     What is given as numbers has no column of the air density: it is the usual one.
     """
     if isinstance(given, Slope):
-        return np.array([given.row])
+        return np.array([(*given.incline, *given.row[3:])])
     with_air = isinstance(given, SlopeTable)
     if isinstance(given, SlopeTable):
         given = given.rows
@@ -187,7 +187,7 @@ def _rows_of_slopes(given: Any, lanes: int) -> np.ndarray:
         widest = given.shape[1] if len(given.shape) == 2 else 0
     else:
         density = [one.air_density if isinstance(one, Slope) else AIR_DENSITY for one in given]
-        given = [(*one.row[: len(fields)], *one.row[_SLOPE:]) if isinstance(one, Slope) else one for one in given]
+        given = [one.row if isinstance(one, Slope) else one for one in given]
         widest = max(map(_width, given))
         given = [(*one, *[math.nan] * (widest - _width(one))) if _width(one) >= len(fields) else one for one in given]
     zones = max((widest - len(fields)) // len(Zone._fields), 0)

@@ -386,8 +386,13 @@ class Slope(Checked, _SlopeFields):
 
     @property
     def row(self) -> tuple[float, ...]:
-        """Angle, length, gravity and air density, then the fields of each zone: a row of a table of slopes."""
-        return (*self[:3], self.air_density, *(number for zone in self.zones for number in zone.row))
+        """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes, without profile."""
+        return (*self[:3], *(number for zone in self.zones for number in zone.row))
+
+    @property
+    def incline(self) -> tuple[float, float, float, float]:
+        """Angle, length, gravity and air density: what a scene has of a slope beside its ground and its zones."""
+        return self.angle, self.length, self.gravity, self.air_density
 
     @property
     def ground(self) -> Profile:

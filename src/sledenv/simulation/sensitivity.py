@@ -347,7 +347,7 @@ class Neighbours:
         self.descent, self.names, self.settings = descent, names, settings
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
-        incline, zones = descent.slope.row[: len(_SLOPE)], descent.slope.row[len(_SLOPE) :]
+        incline, zones = descent.slope.incline, [number for zone in descent.slope.zones for number in zone.row]
         of_zones = [*zones, *[np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))]
         self.centre = np.array([*descent.launch, *of_law, *incline, *self._of_body(), *of_zones])
         self.values = self.centre[self.columns]
@@ -423,7 +423,7 @@ class Neighbours:
         own = restitution == self.centre[_RESTITUTION]
         asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
         laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
-        zones = zones[:, : len(self.descent.slope.row) - slopes.shape[1]]
+        zones = zones[:, : len(self.descent.slope.zones) * len(OF_ZONE)]
         return bodies, laws, np.hstack([slopes, zones]), launches
 
     def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
