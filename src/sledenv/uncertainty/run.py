@@ -134,9 +134,7 @@ def _simulate(
     progress: bool,
 ) -> tuple[Path, ...]:
     """Simulate what has not been yet, and return the files of all blocks."""
-    group = len(one.parameters) + 2
-    size = group << max((BLOCK // group).bit_length() - 1, 0)
-    parts = [np.ascontiguousarray(drawn[start : start + size]) for start in range(0, len(drawn), size)]
+    parts = [np.ascontiguousarray(part) for part in np.split(drawn, _cuts(len(drawn), len(one.parameters) + 2))]
     place = folder / _LAUNCHES
     files = tuple(place / f"{i:05d}-{_digest(one, part)}.parquet" for i, part in enumerate(parts))
     foreign = sorted({path.name for path in place.glob("[!.]*")} - {path.name for path in files})
@@ -155,6 +153,17 @@ def _simulate(
         for count in run(calls):
             bar.update(count)
     return files
+
+
+def _cuts(launches: int, group: int) -> list[int]:
+    """Return where all blocks but the last end: at powers of two of groups, until blocks are as large as they may be.
+
+    Launches are a power of two of groups. So blocks of fewer launches are blocks of more.
+    """
+    cuts, most = [group], max(BLOCK, group)
+    while cuts[-1] < launches:
+        cuts.append(cuts[-1] + min(cuts[-1], group << ((most // group).bit_length() - 1)))
+    return cuts[:-1]
 
 
 def _digest(one: Study, part: NDArray[np.float64]) -> str:
