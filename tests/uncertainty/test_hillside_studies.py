@@ -16,11 +16,13 @@ from sledenv import Settings
 from sledenv.machine.files import replacing
 from sledenv.scenarios.configuration import write_yaml
 from sledenv.scenarios.rocks import RockBody
+from sledenv.simulation.checks import checked_scenes
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.records import FINISH, MOST_ZONES, STATUS_OF_CODE
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty import Study, StudyError, load_study, run, summary
 from sledenv.uncertainty.descents import follow
+from sledenv.uncertainty.figures import plot_envelopes
 from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.terrain import read_section
 from tests.uncertainty.make import batch_of, lane_of
@@ -323,3 +325,58 @@ def test_a_section_as_it_is_surveyed_becomes_a_study_with_one_key(tmp_path: Path
     assert [run.material for run in study.terrain.runs] == ["8", "3", "8", "5"]
     result = sledenv.study(study, tmp_path / "out", launches=24, workers=1, progress=False)
     assert load_study(tmp_path / "out" / "study.yaml").key == result.study.key == study.key
+
+
+def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: Path) -> None:
+    """Oracle: descents followed by themselves; a ground that rises to 20 m, in front of which all start."""
+    section = [[0, 510, "rock"], [20, 516, "rock"], [25, 516, "soil"], [60, 500, "soil"]]
+    start = {"kind": "uniform", "low": 5, "high": 24}
+    study = hill(
+        terrain={"section": section}, start_m=start, launch=HILL["launch"] | {"speed_m_s": 0}, stations_m=[25, 60]
+    )
+    result = sledenv.study(study, tmp_path / "out", workers=1, progress=False)
+    table = result.read()
+    scenes = study.scenes(study.values(run.draws(study)))
+    ends = follow(scenes, np.full(len(scenes.rows), 60.0), False, study.base.settings().limits)
+    left = (ends["x"] < 0.0) & (ends["status"] != FINISH)
+    assert 0.3 < left.mean() < 0.9
+    np.testing.assert_array_equal(table["status"] == "left_backwards", left)
+    np.testing.assert_array_equal(table["stop_m"], np.where(left, 0.0, ends["x"]))
+    shares = result.shares.set_index("status")["share"]
+    assert shares["left_backwards"] == pytest.approx(left.mean())
+    assert shares["jammed"] + shares["finish"] == pytest.approx(1.0 - left.mean())
+    last = result.envelopes.iloc[-1]
+    assert last["left_backwards"] == pytest.approx(left.mean())
+    assert last["other"] == 0.0
+    assert last[["moving", "finished", "jammed", "left_backwards", "tumbled"]].sum() == pytest.approx(1.0)
+    assert {"left_backwards", "jammed"} <= set(result.sobol["output"])
+
+
+def test_who_has_left_backwards_comes_to_no_place_afterwards() -> None:
+    """Oracle: a disc that spins backwards, by hand: behind the start it meets a wall in the ground and comes back."""
+    ground = [(-6.0, 4.0), (-2.0, 0.0), (0.0, 0.0), (30.0, -1.0)]
+    slope = sledenv.Slope(0.0, 30.0, profile=ground)
+    law = sledenv.ContactLaw.from_restitution(0.6, stiffness=1e7, friction=0.1, rolling_arm=0.0)
+    launches = [sledenv.State(3.0, 0.6, 0.0, speed) for speed in (-6.0, 6.0)]
+    settings = Settings(max_time=60.0)
+    scenes = checked_scenes(sledenv.disc(50.0, 0.3), law, slope, launches, settings)
+    assert (follow(scenes, np.array([30.0, 30.0]), False, settings.limits)["status"] == FINISH).all()
+    found = descend_over(scenes, np.array([3.0, 5.0, 30.0]), settings)
+    assert found.left_backwards is not None
+    assert found.left_backwards.tolist() == [True, False]
+    assert np.isnan(found.speed).tolist() == [[False, True, True], [False, False, False]]
+
+
+def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:
+    """Oracle: the section, and what the figure draws and says of it."""
+    section = [[x, z + 1200.0, material] for x, z, material in SECTION]
+    result = sledenv.study(hill(terrain={"section": section}, launches=12), tmp_path / "out", workers=1, progress=False)
+    expected = np.interp(result.envelopes["x_m"], [row[0] for row in section], [row[1] for row in section])
+    np.testing.assert_allclose(result.envelopes["z_m"], expected)
+    assert "1234" in next(line for line in result.words.splitlines() if line.startswith("  10 "))
+    figure = plot_envelopes(result)
+    ax = figure.axes[0]
+    assert ax.lines[0].get_ydata()[0] == 1240.0
+    figure.draw_without_rendering()
+    (left, bottom), (right, top) = ax.transData.transform([(0.0, 1204.0), (10.0, 1214.0)])
+    assert ax.get_ylabel() == f"elevation [m]\nvertical exaggeration {(top - bottom) / (right - left):.2g}"

@@ -183,8 +183,13 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     found = descend_past(*given, one.base.all_bodies()) if one.terrain is None else descend_over(*given)
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
-    columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])
-    columns |= {"stop_m": outcomes["x"], "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
+    statuses, codes, stops = [str(status) for status in STATUS_OF_CODE], outcomes["status"].astype(int), outcomes["x"]
+    if found.left_backwards is not None:
+        codes = np.where(found.left_backwards, len(statuses), codes)
+        stops = np.where(found.left_backwards, 0.0, stops)
+        statuses.append(summary.LEFT_BACKWARDS)
+    columns["status"] = pd.Categorical.from_codes(codes, statuses)
+    columns |= {"stop_m": stops, "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
     columns |= {"speed_m_s": np.hypot(outcomes["u"], outcomes["v"]), "kinetic_j": outcomes["kinetic"]}
     columns |= found.jam._asdict() | {f"lost_{name}_j": outcomes[name] for name in LOSSES}
     for k in range(len(one.stations)):
@@ -200,7 +205,9 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner, progress: bool) ->
     envelopes = []
     for k, x in enumerate(one.stations.tolist()):
         there = read_launches(files, [f"{name}_{k}" for name in passing]).set_axis(passing, axis=1)
-        envelopes.append(summary.envelope(x, ends, there, group, one.heights_m))
+        row = summary.envelope(x, ends, there, group, one.heights_m)
+        elevation = {} if one.terrain is None else {"z_m": float(np.interp(x, *one.terrain.points.T))}
+        envelopes.append({"x_m": x} | elevation | row)
     calls: list[Call] = [
         (summary.indices, (name, output, tuple(one.parameters), one.seed))
         for name, output in summary.analysed(ends).items()
