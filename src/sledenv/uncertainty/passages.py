@@ -46,7 +46,8 @@ def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passag
     found = [_seen(scenes.take(part), stations, settings) for part in parts]
     outcomes, seen, left = (np.concatenate(each) for each in zip(*found, strict=True))
     jam = descent_jam(outcomes, scenes.of_body("mass"), scenes.rows["length"])
-    return Passages(outcomes, jam, *np.moveaxis(seen, 2, 0), left_backwards=left)
+    speed, kinetic, bounce, centre = np.moveaxis(seen, 2, 0)
+    return Passages(outcomes, jam, speed, kinetic, bounce, centre, left)
 
 
 def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats, Bools]:
