@@ -187,9 +187,11 @@ def test_a_soft_contact_has_its_stiffness_told() -> None:
     one = PLAIN._replace(law=law)
     table = track(one, np.random.default_rng(10), rate=1000.0, seconds=0.5, solver="compliant")
     found = identify_tracks(table, DISC, one.slope, solver="compliant", fixed=KNOWN)
-    interval = found.intervals["log10_stiffness"]
-    assert interval.low <= math.log10(2e4) <= interval.high
-    assert interval.high - interval.low < 0.2
+    interval = found.intervals["stiffness"]
+    assert interval.low <= 2e4 <= interval.high
+    assert math.log10(interval.high / interval.low) < 0.2
+    assert found.table.loc["stiffness", ["value", "low", "high"]].tolist() == [found.values["stiffness"], *interval[:2]]
+    assert set(found.intervals) <= set(found.table.index) <= set(found.values)
     assert found.values["stiffness"] == pytest.approx(2e4, rel=0.2)
 
 
@@ -315,8 +317,8 @@ def test_short_contacts_are_no_rigid_ones() -> None:
     assert not covered(rigid, one)["restitution"]
     assert "fit compliant surfaces" in rigid.warnings[-1]
     assert all(covered(compliant, one).values())
-    interval = compliant.intervals["log10_stiffness"]
-    assert interval.low <= 7.0 <= interval.high
+    interval = compliant.intervals["stiffness"]
+    assert interval.low <= 1e7 <= interval.high
     assert compliant.warnings == []
 
 

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Polygon
 
-from sledenv import plot
+from sledenv import ContactLaw, State, disc, plot, simulate
 from sledenv.plot.grounds import bands, surface
 from sledenv.plot.shapes import to_world
 from sledenv.simulation.scene import Slope, Zone
@@ -94,3 +94,20 @@ def test_the_friction_that_is_used_is_that_of_the_zone() -> None:
     slipping = (rows["slip"] != 0) & (rows["normal"] > 1e-12 * rows["normal"].max())
     assert (rows["x"][slipping] > 6.5).any()
     assert np.median(np.abs(np.abs(used[slipping]) - 1.0)) < 1e-9
+
+
+@pytest.mark.parametrize(("length", "tall"), [(40.0, 1.0), (150.0, 10.0)])
+def test_heights_of_a_long_picture_are_exaggerated_as_its_axis_says(length: float, tall: float) -> None:
+    """Oracle: the pixels of a metre along and of one upwards; a disc of 0.5 m, on a slope that falls by a fiftieth."""
+    slope = Slope(math.atan(0.02), length, zones=[Zone(20.0, 40.0, 0.4, 0.0)])
+    law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.3, rolling_arm=0.0)
+    descent = simulate(disc(50.0, 0.5), law, slope, State(0.0, 0.6, 0.0, 20.0), record="trajectory")
+    figure = plot.plot_strobe(descent)
+    figure.draw_without_rendering()
+    ax = figure.axes[0]
+    (left, bottom), (right, top) = ax.transData.transform([(0.0, 0.0), (1.0, 1.0)])
+    assert (top - bottom) / (right - left) == pytest.approx(tall)
+    assert ax.get_ylabel() == ("height [m]" if tall == 1.0 else "height [m]\nvertical exaggeration 10")
+    low, high = ax.get_ylim()
+    assert low < -0.02 * length
+    assert high > 0.6

@@ -250,7 +250,7 @@ def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
         ("a: &a [*a]", "cannot be read: *a refers to another place"),
         ("", "must be a mapping of keys to values"),
         ("- a", "must be a mapping of keys to values"),
-        ("1: a", "1 = 1: Keys should be strings"),
+        ("1: a", "1 = 'a': unknown key; known: id, title"),
     ],
 )
 def test_a_broken_file_is_named(tmp_path: Path, text: str, message: str) -> None:

@@ -140,7 +140,15 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
             "move a vertex, or tilt the plane",
         ),
         ("x_m,z_m\n5,90\n10,80\n", "x_m runs from 5 to 10 m: must hold 0, where descents start; shift it so that it"),
-        ('x_m,y_m\n0,"1\n', "holds 1 vertices: must hold at least 2"),
+        ('x_m,y_m\n0,"1\n', "line 2 = '0,\"1': a quotation mark has no other one in its line"),
+        ('x_m,y_m\n0,0\n1,"0\n2,0\n3,"0\n4,0\n', "line 3 = '1,\"0': a quotation mark has no other one"),
+        ("x_m,y_m\n0,3_0\n1,2\n", "line 2: y_m = '3_0': must be a finite number of metres"),
+        ("x_m,y_m\n0,\uff13\n1,2\n", "line 2: y_m = '\uff13': must be a finite number of metres"),
+        (
+            "# x_m,y_m\n0,1\n1,2\n",
+            "line 2 = '0,1': must name the columns, x_m, y_m (along the plane of the slope, and over it) or x_m, z_m "
+            "(horizontal, height), and material if there is one; with commas; '# x_m,y_m' is a comment: leave out",
+        ),
     ],
 )
 def test_what_is_wrong_with_a_file_is_told_by_its_line(ground: Any, text: str, message: str) -> None:
@@ -161,7 +169,7 @@ def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(gro
     told = refusal(ground, text, slope__angle_deg=0, slope__length_m=DELETE)
     assert told == (
         "line 3: the piece from line 2 to here is -85 degrees steep to the plane: must be at most 80 degrees; move a "
-        "vertex, or tilt the plane of 0 degrees"
+        "vertex, or tilt the plane of 0 degrees, or fill it up: slope.steepest_deg, say 80"
     )
     assert ground(text, slope__angle_deg=60, slope__length_m=DELETE).slope_section.angle_deg == (60, 60)
 

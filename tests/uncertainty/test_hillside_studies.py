@@ -15,11 +15,14 @@ import sledenv
 from sledenv import Settings
 from sledenv.machine.files import replacing
 from sledenv.scenarios.bodies import RockBody
+from sledenv.scenarios.configuration import write_yaml
+from sledenv.simulation.checks import checked_scenes
 from sledenv.simulation.grounds import Grounds
-from sledenv.simulation.records import FINISH, STATUS_OF_CODE
+from sledenv.simulation.records import FINISH, MOST_ZONES, STATUS_OF_CODE
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty import Study, StudyError, load_study, run, summary
 from sledenv.uncertainty.descents import follow
+from sledenv.uncertainty.figures import plot_envelopes
 from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.terrain import read_section
 from tests.uncertainty.make import batch_of, lane_of
@@ -88,15 +91,16 @@ def test_whole_descents_are_those_of_a_plain_batch() -> None:
 
 
 def test_draws_of_a_hillside_go_where_their_keys_say() -> None:
-    """Oracle: the columns of zones, the place of the start, the clearance of the launch."""
+    """Oracle: the law of the longest material, the columns of zones, the place of the start, the clearance there."""
     study = hill()
     values = study.values(np.full((2, len(study.parameters)), 0.5))
     scenes = study.scenes(values)
     for lane in range(2):
-        _, slope, launch = lane_of(scenes, lane)
-        first, second = slope.zones
-        assert first == pytest.approx([0.0, 40.0, 0.4, 0.01, 0.01, 0.4, 2e7])
-        assert second == pytest.approx([40.0, np.inf, 0.6, 0.08, 0.08, 0.3, 1e7])
+        law, slope, launch = lane_of(scenes, lane)
+        (first,) = slope.zones
+        assert first == pytest.approx([-100.0, 40.0, 0.4, 0.01, 0.01, 0.4, 2e7])
+        assert (law.friction, law.rolling_arm, law.corner_rolling_arm) == pytest.approx((0.6, 0.08, 0.08))
+        assert (law.restitution, law.stiffness) == pytest.approx((0.3, 1e7))
         ground = Grounds.of((slope.vertices,))
         place, phi = np.array([launch.x]), np.array([launch.phi])
         lowest = resting_heights(scenes.bodies[scenes.body[lane : lane + 1]], place, phi, ground)
@@ -164,10 +168,16 @@ def with_point(k: int, point: list[Any]) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"terrain": with_point(2, [9, 12, "soil"])}, "point 3 (line 4 of a CSV file), x_m = 9: must be above that of"),
-        ({"terrain": with_point(1, [1, 30, "rock"])}, "the piece before it is 84.3 degrees steep, must be at most 80"),
+        (
+            {"terrain": with_point(2, [9, 12, "soil"])},
+            "point 3: x_m = 9: must be > 10 m, that of point 2; put the points",
+        ),
+        (
+            {"terrain": with_point(1, [1, 30, "rock"])},
+            "the piece from point 1 to here is -84.3 degrees steep: must be at most 80 ",
+        ),
         ({"terrain": with_point(0, [1, 40, "rock"])}, "x_m = 1: must be 0"),
-        ({"terrain": with_point(3, [60, "6", "soil"])}, "point 4 (line 5 of a CSV file) is [60, '6', 'soil']: must be"),
+        ({"terrain": with_point(3, [60, "6", "soil"])}, "point 4 is [60, '6', 'soil']: must be a number"),
         ({"terrain": with_point(1, [10, 34, "ice"])}, "materials = rock, soil: must be rock, ice, soil, those of"),
         ({"solver": "rigid"}, "solver = 'rigid': must be 'compliant' on a terrain"),
         ({"contact": {"friction": 0.1}, "slope": {"angle_deg": 3}}, "contact, slope.angle_deg: cannot be given beside"),
@@ -175,6 +185,16 @@ def with_point(k: int, point: list[Any]) -> dict[str, Any]:
         ({"start_m": {"kind": "uniform", "low": 1, "high": 200}}, "start_m: uniform, low 1, high 200: a share of 0.5"),
         ({"stations_m": [3, 50]}, "stations_m = [3.0, 50.0]: must rise, from 4 m on"),
         ({"materials": HILL["materials"] | {"soil": {}}}, "materials.soil.restitution: missing"),
+        ({"materials": {"8": {}, 8: {}}}, "must hold each name once, as a number or as text"),
+        (
+            {"terrain": with_point(1, [10, 34, ""])},
+            "point 2: material is empty: must name that of the piece that begins",
+        ),
+        ({"terrain": with_point(1, [10, 34, True])}, "point 2 is [10, 34, True]: must be [x_m, z_m, material]"),
+        (
+            {"terrain": {"section": SECTION, "steepest_deg": 85}},
+            "terrain.steepest_deg = 85: must be a number in (0, 80]",
+        ),
     ],
 )
 def test_a_wrong_hillside_is_refused_by_name_of_the_key(changes: dict[str, Any], message: str) -> None:
@@ -188,6 +208,9 @@ def test_a_wrong_hillside_is_refused_by_name_of_the_key(changes: dict[str, Any],
     [
         ("x_m,z_m,material\n0,40,rock\n3,high,rock\n", "hill.csv: line 3: z_m = 'high'"),
         ("x_m,height\n0,40\n", "hill.csv: line 1 = 'x_m,height': must name the columns"),
+        ("#\nx_m,z_m,material\n0,40,rock\n3,38,\n5,37,soil\n", "hill.csv: line 4: material is empty: must name that"),
+        ('x_m,z_m,material\n0,40,"rock\n3,38,rock"\n5,37,soil\n', "hill.csv: line 2 = '0,40,\"rock': a quotation mark"),
+        ("x_m,y_m\n0,40\n3,38\n", "hill.csv: its first line must name the columns x_m, z_m, material"),
     ],
 )
 def test_a_wrong_table_is_refused_by_its_line(text: str, message: str, tmp_path: Path) -> None:
@@ -207,3 +230,153 @@ def test_a_start_behind_no_station_needs_no_rebound() -> None:
     assert found.bounce is not None
     assert found.bounce[:, 0] == pytest.approx(0.2)
     assert np.isnan(found.speed[:, 1:]).all()
+
+
+def test_what_is_drawn_of_the_commonest_material_is_that_of_the_law() -> None:
+    """Oracle: the parameters of each launch."""
+    drawn = dict.fromkeys(("restitution", "friction", "rolling_arm_m"), UNIFORM)
+    soil = drawn | {"stiffness_n_m": {"kind": "uniform", "low": 1e7, "high": 2e7}}
+    study = hill(materials=HILL["materials"] | {"soil": soil})
+    values = study.values(run.draws(study)[:20])
+    scenes = study.scenes(values)
+    found = dict(zip(study.parameters, values.T, strict=True))
+    rows = scenes.rows
+    np.testing.assert_array_equal(rows["friction"], found["materials.soil.friction"])
+    for arm in ("rolling_arm", "corner_rolling_arm"):
+        np.testing.assert_array_equal(rows[arm], found["materials.soil.rolling_arm_m"])
+    np.testing.assert_array_equal(rows["stiffness"], found["materials.soil.stiffness_n_m"])
+    asymmetry = rows["asymmetry"]
+    np.testing.assert_allclose(((1 - asymmetry) / (1 + asymmetry)) ** 0.5, found["materials.soil.restitution"])
+    np.testing.assert_array_equal(scenes.zones[:, 2], found["materials.rock.friction"])
+
+
+def test_as_many_runs_fit_as_there_are_zones_beside_the_commonest() -> None:
+    """Oracle: runs counted by hand; every second one is of the commonest material."""
+
+    def striped(runs: int) -> Study:
+        names = ["soil" if k % 2 else "rock" for k in range(runs)]
+        return hill(
+            terrain={"section": [[6 * k, 40 - k, names[min(k, runs - 1)]] for k in range(runs + 1)]}, stations_m=[6]
+        )
+
+    study = striped(2 * MOST_ZONES + 1)
+    assert study.terrain is not None
+    assert study.terrain.commonest == "rock"
+    _, slope, _ = lane_of(study.scenes(study.values(run.draws(study)[:1])), 0)
+    expected = [(12.0 * k + 6.0, 12.0 * k + 12.0, 0.6) for k in range(MOST_ZONES)]
+    assert [(zone.begin, zone.end, zone.friction) for zone in slope.zones] == expected
+    with pytest.raises(StudyError, match=f"make {MOST_ZONES + 1} runs beside those of the commonest, rock: must be at"):
+        striped(2 * MOST_ZONES + 3)
+
+
+@pytest.mark.parametrize("names", [(8, 3), ("no", "1e3"), ("gravel, loose", "a.b"), ("8.5", "yes")])
+def test_a_material_may_have_any_name(names: tuple[Any, Any], tmp_path: Path) -> None:
+    """Oracle: the study with plain names, up to them; names out of a file are as those in Python."""
+    rows = [f'{x},{z},"{names[material == "soil"]}"' for x, z, material in SECTION]
+    (tmp_path / "hill.csv").write_text("\n".join(["x_m,z_m,material", *rows]))
+    text = yaml.safe_dump(HILL | {"terrain": {"section": "hill.csv"}, "materials": "HERE"}, sort_keys=False)
+    lines = [yaml.safe_dump(one, default_flow_style=True).strip() for one in HILL["materials"].values()]
+    keys = [f"'{name}'" if "," in str(name) else name for name in names]
+    materials = "".join(f"\n  {key}: {line}" for key, line in zip(keys, lines, strict=True))
+    (tmp_path / "hill.yaml").write_text(text.replace("HERE", materials))
+    found = load_study(tmp_path / "hill.yaml")
+    assert found.materials.keys() == {str(name) for name in names}
+    values = found.values(run.draws(found)[:12])
+    assert found.scenes(values).table.tobytes() == hill().scenes(values).table.tobytes()
+    assert found.scenes(values).zones.tobytes() == hill().scenes(values).zones.tobytes()
+    if isinstance(names[0], int):
+        section = [[x, z, names[material == "soil"]] for x, z, material in SECTION]
+        both = dict(zip(names, HILL["materials"].values(), strict=True))
+        assert hill(terrain={"section": section}, materials=both).key == found.key
+
+
+STEEP = """# a face, an overhang and a vertical toe, as they are surveyed
+x_m,z_m,material
+0,60.5,8
+6,58,8
+9,51,3
+8.6,49,3
+8.8,47.5,3
+12,44,8
+12,41,5
+40,30,5
+90,26,5
+"""
+
+
+def test_a_section_as_it_is_surveyed_becomes_a_study_with_one_key(tmp_path: Path) -> None:
+    """Oracle: elevations and materials by hand; (8.8, 47.5) is 0.817 m behind the face from (9, 51), along x."""
+    (tmp_path / "steep.csv").write_text(STEEP)
+    one = {"restitution": 0.35, "friction": UNIFORM, "rolling_arm_m": 0.01, "stiffness_n_m": 2e7}
+    content = HILL | {"materials": {8: one, 3: one, 5: one}, "stations_m": [10, 20, 40, 60]}
+    file = tmp_path / "steep.yaml"
+    write_yaml(file, content | {"terrain": {"section": "steep.csv"}})
+    with pytest.raises(StudyError, match=r"line 6: x_m = 8.6: must be > 9 m, .*; terrain\.steepest_deg, say 80, fills"):
+        load_study(file)
+    write_yaml(file, content | {"terrain": {"section": "steep.csv", "steepest_deg": 80}})
+    with pytest.warns(
+        UserWarning, match=r"^terrain.steepest_deg: 3 of 9 points are under what was filled up, 0.805 m from"
+    ):
+        study = load_study(file)
+    assert study.terrain is not None
+    places = study.terrain.section
+    assert [place.z for place in places if place.x in (0.0, 6.0, 9.0, 12.0, 40.0)] == [60.5, 58.0, 51.0, 44.0, 30.0]
+    assert max(place.z for place in places) == 60.5
+    assert [run.material for run in study.terrain.runs] == ["8", "3", "8", "5"]
+    result = sledenv.study(study, tmp_path / "out", launches=24, workers=1, progress=False)
+    assert load_study(tmp_path / "out" / "study.yaml").key == result.study.key == study.key
+
+
+def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: Path) -> None:
+    """Oracle: descents followed by themselves; a ground that rises to 20 m, in front of which all start."""
+    section = [[0, 510, "rock"], [20, 516, "rock"], [25, 516, "soil"], [60, 500, "soil"]]
+    start = {"kind": "uniform", "low": 5, "high": 24}
+    study = hill(
+        terrain={"section": section}, start_m=start, launch=HILL["launch"] | {"speed_m_s": 0}, stations_m=[25, 60]
+    )
+    result = sledenv.study(study, tmp_path / "out", workers=1, progress=False)
+    table = result.read()
+    scenes = study.scenes(study.values(run.draws(study)))
+    ends = follow(scenes, np.full(len(scenes.rows), 60.0), False, study.base.settings().limits)
+    left = (ends["x"] < 0.0) & (ends["status"] != FINISH)
+    assert 0.3 < left.mean() < 0.9
+    np.testing.assert_array_equal(table["status"] == "left_backwards", left)
+    np.testing.assert_array_equal(table["stop_m"], np.where(left, 0.0, ends["x"]))
+    shares = result.shares.set_index("status")["share"]
+    assert shares["left_backwards"] == pytest.approx(left.mean())
+    assert shares["jammed"] + shares["finish"] == pytest.approx(1.0 - left.mean())
+    last = result.envelopes.iloc[-1]
+    assert last["left_backwards"] == pytest.approx(left.mean())
+    assert last["other"] == 0.0
+    assert last[["moving", "finished", "jammed", "left_backwards", "tumbled"]].sum() == pytest.approx(1.0)
+    assert {"left_backwards", "jammed"} <= set(result.sobol["output"])
+
+
+def test_who_has_left_backwards_comes_to_no_place_afterwards() -> None:
+    """Oracle: a disc that spins backwards, by hand: behind the start it meets a wall in the ground and comes back."""
+    ground = [(-6.0, 4.0), (-2.0, 0.0), (0.0, 0.0), (30.0, -1.0)]
+    slope = sledenv.Slope(0.0, 30.0, profile=ground)
+    law = sledenv.ContactLaw.from_restitution(0.6, stiffness=1e7, friction=0.1, rolling_arm=0.0)
+    launches = [sledenv.State(3.0, 0.6, 0.0, speed) for speed in (-6.0, 6.0)]
+    settings = Settings(max_time=60.0)
+    scenes = checked_scenes(sledenv.disc(50.0, 0.3), law, slope, launches, settings)
+    assert (follow(scenes, np.array([30.0, 30.0]), False, settings.limits)["status"] == FINISH).all()
+    found = descend_over(scenes, np.array([3.0, 5.0, 30.0]), settings)
+    assert found.left_backwards is not None
+    assert found.left_backwards.tolist() == [True, False]
+    assert np.isnan(found.speed).tolist() == [[False, True, True], [False, False, False]]
+
+
+def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:
+    """Oracle: the section, and what the figure draws and says of it."""
+    section = [[x, z + 1200.0, material] for x, z, material in SECTION]
+    result = sledenv.study(hill(terrain={"section": section}, launches=12), tmp_path / "out", workers=1, progress=False)
+    expected = np.interp(result.envelopes["x_m"], [row[0] for row in section], [row[1] for row in section])
+    np.testing.assert_allclose(result.envelopes["z_m"], expected)
+    assert "1234" in next(line for line in result.words.splitlines() if line.startswith("  10 "))
+    figure = plot_envelopes(result)
+    ax = figure.axes[0]
+    assert ax.lines[0].get_ydata()[0] == 1240.0
+    figure.draw_without_rendering()
+    (left, bottom), (right, top) = ax.transData.transform([(0.0, 1204.0), (10.0, 1214.0)])
+    assert ax.get_ylabel() == f"elevation [m]\nvertical exaggeration {(top - bottom) / (right - left):.2g}"

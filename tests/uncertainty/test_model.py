@@ -103,7 +103,12 @@ def test_every_number_of_a_section_can_be_uncertain() -> None:
     keys = {f"{part}.{key}" for part, section in parts.items() for key in section.quantities()}
     certain = {"slope.run_out_m", "zone.end_m", "zone.rolling_arm_m", "zone.corner_rolling_arm_m"}
     certain |= {"zone.restitution", "zone.stiffness_n_m"}
-    ground = {"slope.profile_m", "slope.rounding_m", "slope.tolerance_m"}  # no numbers of a descent
+    ground = {
+        "slope.profile_m",
+        "slope.rounding_m",
+        "slope.tolerance_m",
+        "slope.steepest_deg",
+    }  # no numbers of a descent
     assert _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() == keys - certain - ground
     for name in certain:
         with pytest.raises(StudyError, match=rf"{name}: must be certain, a number alone"):

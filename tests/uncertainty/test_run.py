@@ -218,15 +218,15 @@ def contents(result: sledenv.StudyResult) -> dict[str, bytes]:
 
 @pytest.fixture(scope="module")
 def blocks(pushed: sledenv.StudyResult, tmp_path_factory: pytest.TempPathFactory) -> sledenv.StudyResult:
-    """The same descents by two workers, in four blocks."""
+    """The same descents by two workers, in smaller blocks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "BLOCK", FEW)
         return sledenv.study(pushed.study, tmp_path_factory.mktemp("blocks") / "out", workers=2, progress=False)
 
 
 def test_two_workers_find_what_one_does(pushed: sledenv.StudyResult, blocks: sledenv.StudyResult) -> None:
-    """Oracle: the launches of one worker in one block, bit for bit; blocks do not matter but for the files."""
-    assert (len(pushed.files), len(blocks.files)) == (1, 4)
+    """Oracle: the launches of one worker in other blocks, bit for bit; blocks do not matter but for the files."""
+    assert (len(pushed.files), len(blocks.files)) == (7, 8)
     pd.testing.assert_frame_equal(blocks.read(), pushed.read(), check_exact=True)
     for name in ("shares", "quantiles", "envelopes", "sobol"):
         pd.testing.assert_frame_equal(getattr(blocks, name), getattr(pushed, name), check_exact=True)
@@ -256,7 +256,7 @@ def test_a_study_that_is_stopped_goes_on_where_it_was_and_simulates_again_what_i
         with pytest.raises(KeyboardInterrupt):
             sledenv.study(blocks.study, tmp_path / "out", progress=False)
     places = [tmp_path / "out" / "launches" / file.name for file in blocks.files]
-    kept, edited, cut, other = places
+    kept, edited, cut, other, *_ = places
     assert sorted(kept.parent.glob("*.parquet")) == places[:3]
     stamp = kept.stat().st_mtime_ns
     table = pd.read_parquet(edited)
@@ -293,14 +293,29 @@ def test_a_study_that_is_killed_goes_on_where_it_was(tmp_path: Path) -> None:
     assert {path: path.stat().st_mtime_ns for path in before} == before
 
 
-def test_more_launches_are_the_same_and_others_after_them(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: the launches of the smaller study, whose files stay; a smaller one does not take them for its own."""
-    monkeypatch.setattr(run, "BLOCK", 96)
+def test_blocks_are_as_large_as_they_may_be_and_end_at_powers_of_two() -> None:
+    """Oracle: by hand, of groups of 5 launches; one that is larger than a block is one."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(run, "BLOCK", 22)
+        assert run._cuts(80, 5) == [5, 10, 20, 40, 60]
+        assert run._cuts(5, 5) == []
+        assert run._cuts(100, 25) == [25, 50, 75]
+
+
+@pytest.mark.parametrize("block", [12, 96, 4096])
+def test_more_launches_are_the_same_and_others_after_them(
+    block: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Oracle: the launches of the smaller study, whose files stay; a smaller one does not take them for its own.
+
+    The last block of the smaller one is full or not.
+    """
+    monkeypatch.setattr(run, "BLOCK", block)
     few = find(DROP, tmp_path / "out", launches=90)
     table, before = few.read(), {path: path.stat().st_mtime_ns for path in few.files}
     many = sledenv.study(few.study, tmp_path / "out", launches=200, workers=1, progress=False)
     assert (few.launches, many.launches) == (96, 384)
-    assert many.files[:1] == few.files
+    assert many.files[: len(few.files)] == few.files
     assert {path: path.stat().st_mtime_ns for path in few.files} == before
     pd.testing.assert_frame_equal(many.read().iloc[:96], table, check_exact=True)
     with pytest.raises(StudyError, match=r"which is of another study, of more launches or of other physics"):

@@ -119,6 +119,9 @@ def identify_tracks(
         raise ValueError(_nothing_told(search))
     best, intervals = settled(fits)
     others = [fit for fit in distinct([best, *fits]) if fit is not best]
+    if STIFFNESS in intervals:
+        found = intervals.pop(STIFFNESS)
+        intervals["stiffness"] = found._replace(low=10.0**found.low, high=10.0**found.high)
     return TrackFit(body, slope, solver, recordings, search.frames(search.level), best, intervals, others, model)
 
 
@@ -212,6 +215,12 @@ def _noise(times: Floats, poses: Floats) -> Noise:
     return Noise(position, angle)
 
 
+def _values_of(fit: Fit) -> dict[str, float]:
+    """Return all parameters of a fit, the stiffness [N/m] in place of its logarithm."""
+    logarithm, *others = fit.vector.tolist()
+    return {"stiffness": 10.0**logarithm, **dict(zip(fit.problem.names[1:], others, strict=True))}
+
+
 @dataclass(frozen=True)
 class TrackFit:
     """What was found in recorded poses, and how sure one may be of it.
@@ -227,8 +236,7 @@ class TrackFit:
     fit : Fit
         With the values, their covariance and all starts that lasted.
     intervals : dict
-        Profile interval of each fitted parameter of the law, of level .95; that of the stiffness is one of
-        ``log10_stiffness``.
+        Profile interval of each fitted parameter of the law, of level .95, in the units of the table.
     others : list of Fit
         Other laws that explain the recordings nearly as well, the best first.
     """
@@ -246,8 +254,7 @@ class TrackFit:
     @property
     def values(self) -> dict[str, float]:
         """Of all parameters: the stiffness [N/m], which rigid surfaces do not use, the law and the launches."""
-        logarithm, *others = self.fit.vector.tolist()
-        return {"stiffness": 10.0**logarithm, **dict(zip(self.fit.problem.names[1:], others, strict=True))}
+        return _values_of(self.fit)
 
     @property
     def law(self) -> ContactLaw:
@@ -265,16 +272,14 @@ class TrackFit:
     def table(self) -> pd.DataFrame:
         """One row a parameter of the law: ``value``, ``low`` and ``high`` of the interval, ``unit``, ``note``."""
         rows = []
-        for name in [STIFFNESS] * (self.solver != "rigid") + list(LAW):
-            value, unit = self.fit.values[name], self.fit.problem.parameter(name).unit
+        for name in ["stiffness"] * (self.solver != "rigid") + list(LAW):
+            unit = "N/m" if name == "stiffness" else self.fit.problem.parameter(name).unit
             low = high = math.nan
             note = "not fitted"
             if name in self.intervals:
                 found = self.intervals[name]
                 low, high, note = found.low, found.high, found.note
-            if name == STIFFNESS:
-                name, unit, (value, low, high) = "stiffness", "N/m", (10.0**value, 10.0**low, 10.0**high)
-            rows.append((name, value, low, high, unit, note))
+            rows.append((name, self.values[name], low, high, unit, note))
         names = ["parameter", "value", "low", "high", "unit", "note"]
         return pd.DataFrame(rows, columns=names).set_index("parameter")
 
@@ -299,9 +304,10 @@ class TrackFit:
             if interval.low_on_bound and interval.high_on_bound:
                 found.append(f"the recordings say nothing of {name}: every value in its bounds is as good")
         for other in self.others:
-            beyond = [n for n, ends in self.intervals.items() if not ends.low <= other.values[n] <= ends.high]
+            values = _values_of(other)
+            beyond = [name for name, ends in self.intervals.items() if not ends.low <= values[name] <= ends.high]
             if beyond and other.cost - self.fit.cost < CLOSE:
-                law = ", ".join(f"{name} {other.values[name]:.4g}" for name in LAW)
+                law = ", ".join(f"{name} {values[name]:.4g}" for name in LAW)
                 found.append(f"another law explains the recordings nearly as well: {law}")
         return found
 

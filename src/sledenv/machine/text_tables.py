@@ -1,4 +1,4 @@
-"""Tables as text, each kind written in one place: Markdown, lines of a text, a table that fits the terminal."""
+"""Tables as text, each kind written in one place: Markdown, lines, a table that fits the terminal; quotes of CSV."""
 
 from __future__ import annotations
 
@@ -47,3 +47,9 @@ def fitted(names: Sequence[str], rows: Iterable[Sequence[str]], words: int) -> T
     for row in rows:
         table.add_row(*row)
     return table
+
+
+def check_quotes(line: str, number: int) -> None:
+    """Raise ValueError if a quotation mark of a line of a CSV file has no other one: cells do not go over lines."""
+    if line.count('"') % 2:
+        raise ValueError(f"line {number} = {line.strip()!r}: a quotation mark has no other one in its line")

@@ -25,6 +25,9 @@ if TYPE_CHECKING:
 
 _PARTS: Final = {RUNNER: BLUE, FRAME: GREEN, LEGS: ORANGE, RIDER: RED}  # where each part of a sled touched
 _ALPHAS: Final = {SUIT: 0.75, TROUSERS: 0.5, SLEEVE: 0.35, HELMET: 1.0}  # of pieces in the colour of the speed
+_WIDE, _HIGH = 8.0, 4.5  # inches of a panel, at most
+_LONG: Final = 100.0  # sizes of the body, from which on heights of a picture are exaggerated,
+_SEEN: Final = 0.03  # so that the size upwards is this part of the width
 _BAND, _LETTERS = 0.014, 0.013  # depth of a zone and height of its words, of the width of the picture
 
 
@@ -38,7 +41,8 @@ def plot_strobe(
 ) -> Figure:
     """Draw descents as strobe pictures, one panel each, all to one scale.
 
-    The ground is as it is, its profile with it. The sled is drawn at equal intervals of time, the same in all panels,
+    The ground is as it is, its profile with it. Heights of a picture more than 100 bodies long are exaggerated, as its
+    axis says: contacts would hide the body. The sled is drawn at equal intervals of time, the same in all panels,
     coloured by its speed; its darker half holds the mass centre of a segment, and of any other body is the one that
     is down at phi = 0. A sled with its rider shows both, and the marks of its touchdowns which part it was. A zone of
     the slope is a band below the surface, darker than the others if its friction is higher, light blue if it is lower
@@ -88,21 +92,23 @@ def plot_strobe(
         interval = _round_interval(max(map(partial(_usual_interval, interval), descents, tracks)))
         fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
         speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
-        boxes = [_box(descent, rows, whole, between) for descent, rows in zip(descents, tracks, strict=True)]
+        extents = [_extent(descent, rows, whole, between) for descent, rows in zip(descents, tracks, strict=True)]
+        tall = _exaggeration(extents, min(descent.body.size for descent in descents))
+        boxes = [_box(descent, extent, tall) for descent, extent in zip(descents, extents, strict=True)]
         low = min(box[0, 0] for box in boxes)
         high = max(box[1, 0] for box in boxes)
-        heights = [float(np.clip(8.0 * (box[1, 1] - box[0, 1]) / (high - low), 1.0, 4.5)) for box in boxes]
+        heights = [float(np.clip(_WIDE * tall * np.ptp(box[:, 1]) / (high - low), 1.0, _HIGH)) for box in boxes]
         figure = Figure(figsize=(WIDTH, sum(heights) + 0.35 * len(descents) + 1.0), layout="constrained")
         grid = figure.subplots(len(descents), 1, sharex=True, squeeze=False, height_ratios=heights)
         axes: list[Axes] = list(grid[:, 0])
         for i, (ax, descent, rows, box) in enumerate(zip(axes, descents, tracks, boxes, strict=True)):
             ax.set_xlim(low, high)
             ax.set_ylim(box[0, 1], box[1, 1])
-            ax.set_aspect("equal")
-            ax.set_ylabel("height [m]")
+            ax.set_aspect(tall)
+            ax.set_ylabel("height [m]" if tall == 1.0 else f"height [m]\nvertical exaggeration {tall:g}")
             ax.set_title(outcome(descent) if labels is None else f"{plain(labels[i])}: {outcome(descent)}", loc="left")
             _draw_slope(ax, descent)
-            _draw_zones(ax, descent)
+            _draw_zones(ax, descent, tall)
             _draw_contacts(ax, descent)
             _draw_poses(ax, descent, rows, interval, speed)
         axes[-1].set_xlabel("horizontal distance [m]")
@@ -135,9 +141,8 @@ def _round_interval(interval: float) -> float:
     )
 
 
-def _box(descent: Descent, rows: np.ndarray, whole: bool, between: tuple[float, float] | None) -> np.ndarray:
-    """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
-    size = descent.body.size
+def _extent(descent: Descent, rows: np.ndarray, whole: bool, between: tuple[float, float] | None) -> np.ndarray:
+    """Return the lowest and the highest places [m] of the mass centre and of the ground under it, world frame."""
     slope, path = descent.slope, np.stack([rows["x"], rows["y"]], axis=-1)
     ends = [0.0, slope.length] if whole and math.isfinite(slope.length) else []
     if between is not None:
@@ -147,11 +152,34 @@ def _box(descent: Descent, rows: np.ndarray, whole: bool, between: tuple[float, 
     places = [*path[:, 0].tolist(), *ends]
     ground = surface(slope.vertices, min(places), max(places))
     world = to_world(np.concatenate([path, ground]), slope.angle)
-    low, high = world.min(axis=0), world.max(axis=0)
-    sides = max(1.1 * size, 0.02 * float(high[0] - low[0]))
+    return np.stack([world.min(axis=0), world.max(axis=0)])
+
+
+def _exaggeration(extents: Sequence[np.ndarray], size: float) -> float:
+    """Return how many times as long a metre upwards is to be as one along, so that contacts do not hide bodies.
+
+    Parameters
+    ----------
+    extents : sequence of ndarray
+        Those of the panels, which have one scale.
+    size : float
+        Of the smallest body [m].
+    """
+    across = max(float(np.ptp(extent[:, 0])) for extent in extents)
+    upwards = max(float(np.ptp(extent[:, 1])) for extent in extents) + 2.0 * size
+    wanted = _SEEN * across / size if across > _LONG * size else 1.0
+    fitting = [tall for tall in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if tall * upwards <= across * _HIGH / _WIDE]
+    return next((tall for tall in fitting if tall >= wanted), max(fitting, default=1.0))
+
+
+def _box(descent: Descent, extent: np.ndarray, tall: float) -> np.ndarray:
+    """Return the lower left and the upper right corner [m] of what a strobe panel shows, world frame."""
+    (low, high), size = extent, descent.body.size
+    wide = float(high[0] - low[0])
+    sides = np.maximum(1.1 * size, np.array([0.02, 0.02 / tall]) * wide)
     # Below the surface there is room for the marks of the contacts, and for the words of zones.
-    below_it = 0.05 if slope.zones else 0.02
-    return np.stack([low - (sides, 0.4 * size + below_it * (high[0] - low[0])), high + sides])
+    below_it = 0.05 if descent.slope.zones else 0.02
+    return np.stack([low - (sides[0], 0.4 * size + below_it / tall * wide), high + sides])
 
 
 def _seen(ax: Axes, descent: Descent) -> np.ndarray:
@@ -175,11 +203,11 @@ def _draw_slope(ax: Axes, descent: Descent) -> None:
         ax.plot(*to_world(post, slope.angle).T, color=INK, lw=1.2, ls=DASHES, zorder=1)
 
 
-def _draw_zones(ax: Axes, descent: Descent) -> None:
+def _draw_zones(ax: Axes, descent: Descent, tall: float) -> None:
     slope, line = descent.slope, _seen(ax, descent)
     low, high = np.stack([ax.get_xlim(), ax.get_ylim()], axis=-1)
     wide = float(high[0] - low[0])
-    depth, letter = _BAND * wide, 0.55 * _LETTERS * wide
+    depth, letter = _BAND * wide / tall, 0.55 * _LETTERS * wide
     shown = in_sight(line, to_world(line, slope.angle), low, high)
     for band in bands(slope, descent.law.friction, *shown):
         corners = to_world(band.outline(line, depth), slope.angle)
@@ -191,9 +219,9 @@ def _draw_zones(ax: Axes, descent: Descent) -> None:
         half = 0.5 * letter * len(said) + depth
         over = surface(line, middle - half, middle + half)
         under = float(below(over, depth)[:, 1].min())
-        x, y = to_world((middle, under - 0.9 * _LETTERS * wide), slope.angle)
+        x, y = to_world((middle, under - 0.9 * _LETTERS * wide / tall), slope.angle)
         turn: dict[str, Any] = {
-            "rotation": -math.degrees(slope.angle),
+            "rotation": -math.degrees(math.atan2(tall * math.sin(slope.angle), math.cos(slope.angle))),
             "rotation_mode": "anchor",
             "ha": "center",
             "va": "center",

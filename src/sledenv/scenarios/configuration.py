@@ -383,7 +383,7 @@ def write_yaml(file: Path, content: Any) -> None:
 
 
 class _Loader(yaml.SafeLoader):
-    """YAML in which a number is decimal, as in 1.2, and a repeated key or a reference to another place an error."""
+    """YAML in which a number is decimal, as in 1.2, a key text, and a repeated key or a reference an error."""
 
     def compose_node(self, parent: Any, index: Any) -> yaml.Node | None:
         if self.check_event(yaml.AliasEvent):  # a few lines of them can stand for gigabytes
@@ -398,6 +398,7 @@ class _Loader(yaml.SafeLoader):
             if key.value in seen:
                 raise yaml.constructor.ConstructorError(None, None, f"repeated key {key.value!r}", key.start_mark)
             seen.add(key.value)
+            key.tag = self.DEFAULT_SCALAR_TAG  # 8 and no are names too
         return node
 
 

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import os
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
@@ -762,18 +763,19 @@ def _laid_out(content: Any) -> Any:
     if not isinstance(content, dict) or not isinstance(content.get("slope"), dict):
         return content
     slope = dict(content["slope"])
-    file, tolerance = slope.pop("profile_file", None), slope.pop("tolerance_m", None)
+    file, *how = (slope.pop(key, None) for key in ("profile_file", "tolerance_m", "steepest_deg"))
     profile, zones = slope.get("profile_m"), content.get("zones", ())
     if file is None:
-        if tolerance is not None:
-            raise ValueError(f"slope.tolerance_m = {tolerance!r}: must be left out without slope.profile_file")
+        for key, value in zip(("tolerance_m", "steepest_deg"), how, strict=True):
+            if value is not None:
+                raise ValueError(f"slope.{key} = {value!r}: must be left out without slope.profile_file")
         try:
             vertices = np.array(profile if profile else [], np.float64).reshape(-1, 2)
         except (TypeError, ValueError):
             return content
         ground = Ground(vertices, np.column_stack([vertices, np.zeros(len(vertices))]), 0.0, (), None)
     else:
-        ground = _read(file, tolerance, slope)
+        ground = _read(file, how, slope)
         slope["profile_m"] = ground.told[:, :2].tolist()
         if ground.told[:, 2].any():
             slope["rounding_m"] = ground.told[:, 2].tolist()
@@ -793,19 +795,19 @@ def _laid_out(content: Any) -> Any:
 _BODY: Final[TypeAdapter[Any]] = TypeAdapter(Annotated[AnyBody, Field(discriminator="kind")])
 
 
-def _read(file: Any, tolerance: Any, slope: dict[str, Any]) -> Ground:
-    """Read the file of a profile, given what else is said of the slope."""
+def _read(file: Any, how: Sequence[Any], slope: dict[str, Any]) -> Ground:
+    """Read the file of a profile, given its tolerance_m and steepest_deg, and what else is said of the slope."""
     name = f"slope.profile_file = {file!r}"
     if not isinstance(file, str):
         raise ValueError(f"{name}: must be the path of a CSV file")
     for key in ("profile_m", "rounding_m", "bumps"):
         if slope.get(key) not in (None, 0.0):
             raise ValueError(f"{name}: must be left out where there is slope.{key}")
-    if tolerance is not None:
-        tolerance = _checked("tolerance_m", tolerance)
     angle = slope.get("angle_deg")
+    pairs = zip(("angle_deg", "tolerance_m", "steepest_deg"), (angle, *how), strict=True)
+    plane, tolerance, steepest = (None if value is None else _checked(key, value) for key, value in pairs)
     try:
-        ground = read_ground(file, None if angle is None else _checked("angle_deg", angle)[0], tolerance)
+        ground = read_ground(file, None if plane is None else plane[0], tolerance, steepest)
     except (OSError, ValueError, csv.Error) as problem:
         raise ValueError(f"{name}: {problem}") from problem
     if ground.angle_deg is not None and isinstance(angle, list | tuple) and angle[0] != angle[1]:

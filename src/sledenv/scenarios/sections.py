@@ -12,8 +12,8 @@ import numpy as np
 from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
-from sledenv.scenarios.terrain import too_steep
 from sledenv.simulation.scene import AIR_DENSITY, MOST_VERTICES, STEEPEST, Profile, checked_profile
+from sledenv.simulation.terrain import too_steep
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose
 
@@ -80,6 +80,7 @@ class SlopeSection(Section):
     # What ``Scenario`` reads before: it puts into ``profile_m`` and ``rounding_m`` what is in the file.
     profile_file: StrictStr | None = None
     tolerance_m: Annotated[float | None, Quantity("(0, inf) m")] = None
+    steepest_deg: Annotated[float | None, Quantity("(0, 80] deg")] = None  # up to which steep faces are filled up
     bumps: BumpsSection | None = None
 
     @field_validator("profile_m")
@@ -120,7 +121,8 @@ def check_vertices(profile: tuple[Pair, ...]) -> None:
         k = int(falls[0]) + 1
         raise ValueError(f"x of vertex {k} is {x[k]:g}: must be > that of the vertex before, {x[k - 1]:g} m")
     if (problem := too_steep(vertices)) is not None:
-        raise ValueError(f"the piece from vertex {problem[0] - 1} to {problem[0]} {problem[1]}")
+        k, text = problem
+        raise ValueError(f"the piece from vertex {k - 1} to {k} {text}; move a vertex, or tilt the plane")
 
 
 @lru_cache

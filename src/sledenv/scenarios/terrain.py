@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import csv
 import math
+import re
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.machine.text_tables import check_quotes
 from sledenv.simulation.bends import height_of
 from sledenv.simulation.records import MOST_ZONES
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
-from sledenv.simulation.smoothing import fit_ground
-from sledenv.simulation.support import directions
+from sledenv.simulation.terrain import Reader, checked_section, fitted, over_plane
 
 Floats = NDArray[np.float64]
 
@@ -24,18 +24,75 @@ MATERIAL: Final = "material"  # of the piece that begins in a line; optional
 _COLUMNS = f"{', '.join(FLAT)} (along the plane of the slope, and over it) or {', '.join(TERRAIN)} (horizontal, height)"
 
 
+_COMMENT: Final = "#"
+_NUMBER: Final = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+
+
+class Rows(NamedTuple):
+    """What the lines of a file hold, one behind the other."""
+
+    columns: tuple[str, str]  # FLAT or TERRAIN
+    lines: list[int]  # of the file, from 1 on; shape (n,)
+    points: Floats  # [m] shape (n, 2)
+    materials: tuple[str, ...]  # of the piece behind each point, "" where none is named; () without the column
+
+    def reader(self, steepest: str) -> Reader:
+        """Return how messages call its points, and the key that fills up what is steep."""
+        return Reader("lines", lambda k: f"line {self.lines[k]}", self.columns, steepest)
+
+
 class Ground(NamedTuple):
     """What a file says of the ground."""
 
-    vertices: Floats  # x along the plane of the slope and y over it [m], shape (n, 2), as in the file
+    vertices: Floats  # x along the plane of the slope and y over it [m], as in the file or filled up, shape (n, 2)
     told: Floats  # vertices and their radii [m] that tell it within the tolerance, shape (m, 3)
     deviation: float  # [m] most that a vertex of the file has moved by that, along the normal of the plane
     materials: tuple[str, ...]  # of the piece behind each vertex, "" where none is named; () without the column
     angle_deg: float | None  # of the plane, where the file is a section of terrain
 
 
-def read_ground(path: str, angle_deg: float | None = None, tolerance: float | None = None) -> Ground:
+def read_ground(
+    path: str, angle_deg: float | None = None, tolerance: float | None = None, steepest_deg: float | None = None
+) -> Ground:
     """Read a profile or a section of terrain.
+
+    Parameters
+    ----------
+    path : str
+        Of a CSV file as :func:`read_rows` takes it.
+    angle_deg : float, optional
+        Of the plane over which terrain is measured; by default that through its first and its last place, to a
+        millionth of a degree. Its origin is the ground at x_m = 0.
+    tolerance : float, optional
+        Tell the ground by few straight pieces and arcs, so that it moves by at most this [m], along the normal of the
+        plane: see :func:`sledenv.simulation.smoothing.fit_ground`.
+    steepest_deg : float, optional
+        Fill faces up that are steeper to the plane, and overhangs, and warn by how much: see
+        :func:`sledenv.simulation.terrain.checked_section`.
+
+    Raises
+    ------
+    OSError, ValueError
+        Naming the line, its value and what is allowed.
+    """
+    rows = read_rows(path)
+    vertices, told = rows.points, None
+    reader = rows.reader("slope.steepest_deg")._replace(plane=" to the plane", tilt="or tilt the plane, ")
+    if rows.columns == TERRAIN:
+        vertices, told = over_plane(rows.points, angle_deg, reader)
+        reader = reader._replace(tilt=f"or tilt the plane of {told:g} degrees, ")
+    section = checked_section(
+        rows.points, vertices, reader, None if steepest_deg is None else math.radians(steepest_deg)
+    )
+    fit = fitted(section.vertices, tolerance, "slope.tolerance_m")
+    x, y = section.vertices.T
+    deviation = 0.0 if tolerance is None else float(np.abs(height_of(fit, x) - y).max())
+    materials = tuple(rows.materials[k] for k in section.pieces) if rows.materials else ()
+    return Ground(section.vertices, fit, deviation, materials, told)
+
+
+def read_rows(path: str) -> Rows:
+    """Read the points of a profile or of a section of terrain.
 
     Parameters
     ----------
@@ -43,136 +100,66 @@ def read_ground(path: str, angle_deg: float | None = None, tolerance: float | No
         Of a CSV file whose first line names the columns: ``x_m, y_m``, vertices over the plane of the slope, or
         ``x_m, z_m``, a section of terrain. A column ``material`` may name that of the piece that begins in its line.
         Lines that are empty or begin with # are skipped.
-    angle_deg : float, optional
-        Of the plane over which terrain is measured; by default that through its first and its last place, to a
-        millionth of a degree. Its origin is the ground at x_m = 0.
-    tolerance : float, optional
-        Tell the ground by few straight pieces and arcs, so that it moves by at most this [m], along the normal of the
-        plane: see :func:`sledenv.simulation.smoothing.fit_ground`.
 
     Raises
     ------
     OSError, ValueError
         Naming the line, its value and what is allowed.
     """
-    header, lines, rows, materials = _rows(path)
-    x, y = np.array([_numbers(header, row, line) for row, line in zip(rows, lines, strict=True)]).T
-    _check_order(header, lines, x, y)
-    told: float | None = None
-    if header[1] == TERRAIN[1]:
-        if not x[0] <= 0.0 < x[-1]:
-            raise ValueError(
-                f"x_m runs from {x[0]:g} to {x[-1]:g} m: must hold 0, where descents start; shift it so that it does"
-            )
-        mean = math.degrees(math.atan2(y[0] - y[-1], x[-1] - x[0]))
-        told = round(mean, 6) if angle_deg is None else angle_deg
-        (cosine,), (sine,) = directions(np.radians([told]))
-        z = y - np.interp(0.0, x, y)
-        x, y = x * cosine - z * sine, x * sine + z * cosine
-    vertices = np.column_stack([x, y]) + 0.0
-    problem = too_steep(vertices)
-    if problem is not None:
-        k, text = problem
-        over = "" if told is None else f" of {told:g} degrees"
-        raise ValueError(f"line {lines[k]}: the piece from line {lines[k - 1]} to here {text}{over}")
-    sharp = np.column_stack([vertices, np.zeros(len(x))])
-    return _fitted(Ground(vertices, sharp, 0.0, materials, told), tolerance)
-
-
-def too_steep(vertices: Floats) -> tuple[int, str] | None:
-    """Return the first vertex, of shape (n, 2), whose piece before it is steeper than allowed, and what is wrong."""
-    along, up = np.diff(vertices, axis=0).T
-    steep = ~((along > 0.0) & (np.abs(up) <= math.tan(STEEPEST) * along))
-    if not steep.any():
-        return None
-    k = int(np.argmax(steep))
-    angle = math.degrees(math.atan2(up[k], along[k]))
-    most = f"{math.degrees(STEEPEST):g} degrees"
-    return k + 1, f"is {angle:.3g} degrees steep to the plane: must be at most {most}; move a vertex, or tilt the plane"
-
-
-def _rows(path: str) -> tuple[tuple[str, ...], list[int], list[list[str]], tuple[str, ...]]:
-    """Return the columns of numbers, and of each row its line, its numbers as text and its material."""
-    lines: list[int] = []
-    rows: list[list[str]] = []
-    with Path(path).open(encoding="utf-8-sig", newline="") as file:
-        reader = csv.reader(file)
-        try:
-            for row in reader:
-                cells = [cell.strip() for cell in row]
-                if any(cells) and not cells[0].startswith("#"):
-                    lines.append(reader.line_num)
-                    rows.append(cells)
-        except UnicodeDecodeError as problem:
-            raise ValueError(f"must be text in UTF-8, but byte {problem.start + 1} is not") from problem
+    lines, rows, comment = _cells(path)
     header = rows[0] if rows else []
     named = tuple(name for name in header if name != MATERIAL)
     if sorted(named) not in (sorted(FLAT), sorted(TERRAIN)) or len(set(header)) < len(header):
         first = f"line {lines[0]} = {','.join(header)!r}" if rows else "the file is empty"
-        raise ValueError(f"{first}: must name the columns, {_COLUMNS}, and {MATERIAL} if there is one; with commas")
+        wanted = f"must name the columns, {_COLUMNS}, and {MATERIAL} if there is one; with commas"
+        if FLAT[0] in comment:
+            wanted += f"; {comment!r} is a comment: leave out its {_COMMENT}, as numpy.savetxt(..., comments='') does"
+        raise ValueError(f"{first}: {wanted}")
     for line, row in zip(lines[1:], rows[1:], strict=True):
         if len(row) != len(header):
             raise ValueError(f"line {line}: has {len(row)} values: must have {len(header)}, {', '.join(header)}")
     if len(rows) < 3:
         raise ValueError(f"holds {max(len(rows) - 1, 0)} vertices: must hold at least 2")
     columns = FLAT if FLAT[1] in named else TERRAIN
-    numbers = [[row[header.index(name)] for name in columns] for row in rows[1:]]
+    places = [header.index(name) for name in columns]
+    points = [
+        [_number(name, row[k], line) for name, k in zip(columns, places, strict=True)]
+        for line, row in zip(lines[1:], rows[1:], strict=True)
+    ]
     materials = tuple(row[header.index(MATERIAL)] for row in rows[1:]) if MATERIAL in header else ()
-    return columns, lines[1:], numbers, materials
+    return Rows(columns, lines[1:], np.array(points) + 0.0, materials)
 
 
-def _numbers(header: tuple[str, ...], texts: list[str], line: int) -> list[float]:
-    """Return the numbers of a line, or raise ValueError."""
-    found = []
-    for name, text in zip(header, texts, strict=True):
-        try:
-            number = float(text)
-        except ValueError:
-            number = math.nan
-        if not math.isfinite(number):
-            gap = (
-                "" if text else "; leave out the line where nothing is known: the ground is straight between the others"
-            )
-            raise ValueError(
-                f"line {line}: {name} = {text!r}: must be a finite number of metres, with a decimal point{gap}"
-            )
-        found.append(number)
-    return found
+def _cells(path: str) -> tuple[list[int], list[list[str]], str]:
+    """Return the lines of a file that hold something, their cells, and the first comment before them, or ""."""
+    lines: list[int] = []
+    rows: list[list[str]] = []
+    comment = ""
+    try:
+        text = Path(path).read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise ValueError(f"must be text in UTF-8, but byte {problem.start + 1} is not") from problem
+    for number, line in enumerate(text.splitlines(), 1):
+        if line.lstrip().startswith(_COMMENT):
+            comment = comment or ("" if rows else line.strip())
+            continue
+        check_quotes(line, number)
+        cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+        if any(cells):
+            lines.append(number)
+            rows.append(cells)
+    return lines, rows, comment
 
 
-def _check_order(header: tuple[str, ...], lines: list[int], x: Floats, y: Floats) -> None:
-    """Raise ValueError unless x increases from line to line."""
-    falls = np.flatnonzero(np.diff(x) <= 0.0)
-    if not falls.size:
-        return
-    k = int(falls[0])
-    here, before = f"line {lines[k + 1]}", f"line {lines[k]}"
-    name, height = header
-    if x[k + 1] < x[k]:
-        remedy = "put the lines in the order of x" + ("" if (np.diff(x) > 0.0).any() else ": all of them run backwards")
-        raise ValueError(f"{here}: {name} = {x[k + 1]:g}: must be > {x[k]:g} m, that of {before}; {remedy}")
-    if y[k + 1] == y[k]:
-        raise ValueError(f"{here}: {name} = {x[k]:g}, {height} = {y[k]:g}: repeats {before}; leave one of them out")
-    raise ValueError(
-        f"{here}: {name} = {x[k]:g}: is a vertical step from {height} = {y[k]:g} in {before} to {y[k + 1]:g} m; "
-        "let it lean: x must increase, and no piece may be steeper to the plane than "
-        f"{math.degrees(STEEPEST):g} degrees"
-    )
-
-
-def _fitted(ground: Ground, tolerance: float | None) -> Ground:
-    """Return a ground told by pieces and arcs within a tolerance [m], or raise ValueError for too many vertices."""
-    if tolerance is not None:
-        told = fit_ground(ground.vertices, tolerance)
-        x, y = ground.vertices.T
-        ground = ground._replace(told=told, deviation=float(np.abs(height_of(told, x) - y).max()))
-    if len(ground.told) > MOST_VERTICES:
-        given, remedy = "", "slope.tolerance_m, say 0.01, lets pieces and arcs tell the ground"
-        if tolerance is not None:
-            given, remedy = f" with tolerance_m = {tolerance}", "give more"
-        remedy += ", the most that the ground moves by that"
-        raise ValueError(f"holds {len(ground.told)} vertices{given}: must hold at most {MOST_VERTICES}; {remedy}")
-    return ground
+def _number(name: str, text: str, line: int) -> float:
+    """Return the number that a cell holds, or raise ValueError."""
+    number = float(text) if _NUMBER.fullmatch(text) else math.nan
+    if not math.isfinite(number):
+        gap = "" if text else "; leave out the line where nothing is known: the ground is straight between the others"
+        raise ValueError(
+            f"line {line}: {name} = {text!r}: must be a finite number of metres, with a decimal point{gap}"
+        )
+    return number
 
 
 # Zones by piece.

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
-import warnings
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
 
@@ -18,7 +16,7 @@ from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.fineness import too_fine
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.lanes import check_room
-from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent
+from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent, warn_user
 from sledenv.simulation.scene import (
     AIR_DENSITY,
     ContactLaw,
@@ -298,16 +296,12 @@ def warn_of_fine_ground(scenes: Scenes, names: _Names = _ONE) -> None:
     found = None if scenes.is_plane else too_fine(scenes)
     if found is None:
         return
-    level, frame = 1, sys._getframe()
-    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(("sledenv.", "pydantic.")):
-        level, frame = level + 1, frame.f_back
-    warnings.warn(
+    warn_user(
         f"{names.slope.format(lane=found.lane)}.profile is cut too finely around x = {found.x:.6g} m: its weight "
         f"presses {names.body.format(lane=found.lane)} in by {found.depth:.3g} m, pieces there allow "
         f"{found.allowed:.3g} m; so many pieces bear it at once, as stiff as many springs. Slope(..., "
         "rounding=math.inf) makes them arcs; simulation.smoothing.fit_ground, or slope.tolerance_m in a scenario, "
-        "fits few arcs",
-        stacklevel=level,
+        "fits few arcs"
     )
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import reprlib
+import sys
+import warnings
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from numbers import Real
@@ -344,3 +346,11 @@ def checked_flag(name: str, value: bool) -> bool:
     if not isinstance(value, bool | np.bool_):
         raise TypeError(f"{name} = {value!r}: must be True or False")
     return bool(value)
+
+
+def warn_user(text: str) -> None:
+    """Warn where the user calls the package."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).startswith(("sledenv.", "pydantic.")):
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, stacklevel=level)

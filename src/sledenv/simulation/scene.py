@@ -384,6 +384,58 @@ class Slope(Checked, _SlopeFields):
         bends = radii if any(radii) else ()
         return super().__new__(cls, angle, length, gravity, _checked_zones(zones, length), vertices, bends, air_density)
 
+    @classmethod
+    def from_terrain(
+        cls,
+        x: ArrayLike,
+        z: ArrayLike,
+        *,
+        angle: float | None = None,
+        length: float | None = None,
+        gravity: float = 9.81,
+        zones: Iterable[Zone] = (),
+        tolerance: float | None = None,
+        steepest: float | None = None,
+    ) -> Self:
+        """Return the slope of a section of terrain, as scenarios and studies read it out of a file.
+
+        Parameters
+        ----------
+        x, z : array_like, shape (n,)
+            Horizontal distance and elevation [m] of the surface, one point behind the other, 2 <= n. The origin of the
+            slope is the ground at x = 0.
+        angle : float, optional
+            Of the plane [rad] over which the ground is measured; by default that through the first and the last point,
+            to a millionth of a degree.
+        length : float, optional
+            Where descents finish, along the plane [m]; at the last point by default.
+        gravity, zones
+            As for the class; zones begin and end along the plane.
+        tolerance : float, optional
+            Tell the ground by few straight pieces and arcs that differ from it by at most this [m], off the plane:
+            :func:`sledenv.simulation.smoothing.fit_ground`. Otherwise the points are sharp vertices.
+        steepest : float, optional
+            Angle [rad] in (0, 80 degrees] to the plane, up to which steeper faces, and overhangs, are filled up: the
+            ground is the lowest one over all points that has no steeper face. A warning says how many points are under
+            it, and how far. Without it they are refused.
+
+        Raises
+        ------
+        TypeError, ValueError
+            Naming the point or the argument, its value and what is allowed.
+
+        Examples
+        --------
+        >>> slope = Slope.from_terrain([0.0, 30.0, 60.0], [20.0, 12.0, 0.0])
+        >>> round(math.degrees(slope.angle), 1), round(slope.length, 1), float(slope.height_at(slope.length).round(3))
+        (18.4, 63.2, 0.0)
+        """
+        from sledenv.simulation.terrain import ground_of  # which stands on this module
+
+        found = ground_of(x, z, angle, tolerance, steepest)
+        end = float(found.vertices[-1, 0]) if length is None else length
+        return cls(found.angle, end, gravity, zones, found.told[:, :2], found.told[:, 2])
+
     @property
     def row(self) -> tuple[float, ...]:
         """Angle, length and gravity, and then the fields of each zone: a row of a table of slopes, without profile."""

@@ -31,11 +31,12 @@ class Passages(NamedTuple):
     # Over a hillside alone: heights [m] over the ground, of the lowest point of the body and of the mass centre.
     bounce: NDArray[np.float64] | None = None
     centre: NDArray[np.float64] | None = None
+    left_backwards: NDArray[np.bool_] | None = None  # whether a descent leaves the section behind its start, shape (N,)
 
     @property
     def columns(self) -> dict[str, NDArray[np.float64]]:
         """What is told of each passage, by the name of its column."""
-        return {name: one for name, one in zip(PASSING, self[2:], strict=True) if one is not None}
+        return {name: one for name, one in zip(PASSING, self[2:6], strict=True) if one is not None}
 
 
 def descend_past(

@@ -16,7 +16,14 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WAYS: Final = {"moving": SKY, "finished": BLUE, "jammed": RED, "tumbled": ORANGE, "other": POTENTIAL}
+_WAYS: Final = {
+    "moving": SKY,
+    "finished": BLUE,
+    "jammed": RED,
+    "tumbled": ORANGE,
+    "left_backwards": PURPLE,
+    "other": POTENTIAL,
+}
 _FANS: Final = {  # label and scale
     "bounce_m": ("clearance of the\nlowest point [m]", 1.0),
     "speed_m_s": ("speed [m/s]", 1.0),
@@ -31,6 +38,7 @@ _OUTPUTS: Final = {
     "finish": "whether it finishes",
     "jammed": "whether it jams",
     "tumbled": "whether it tumbles",
+    "left_backwards": "whether it leaves backwards",
 }
 _COLUMNS: Final = 3  # panels beside each other
 _SEEN: Final = 2e-3  # share of launches that can be seen in a figure
@@ -45,7 +53,7 @@ def plot_envelopes(result: StudyResult) -> Figure:
     """
     table, terrain = result.envelopes, result.study.terrain
     x = table["x_m"].to_numpy()
-    shares = {way: table[way].to_numpy().copy() for way in _WAYS}
+    shares = {way: table[way].to_numpy().copy() for way in _WAYS if way in table}
     # It is at the end of the slope that they finish, not little by little from the station before.
     last = shares["finished"][-1] - shares["finished"][-2:][0]
     shares["moving"][-1] += last
@@ -82,12 +90,23 @@ def plot_envelopes(result: StudyResult) -> Figure:
             ax.legend(loc="upper left", bbox_to_anchor=(1.0, 1.0), title=title)
         axes[-1].set_xlabel("distance along the slope [m]" if terrain is None else "x [m]")
         axes[-1].set_xlim(x[0] if terrain is None else 0.0, x[-1])
+        if terrain is not None:
+            _say_exaggeration(figure, axes[0])
     return figure
 
 
+def _say_exaggeration(figure: Figure, ax: Axes) -> None:
+    """Say on the axis of elevations how many times as long a metre is there as along x, where all has its place."""
+    said = "elevation [m]\nvertical exaggeration {:.2g}"
+    ax.set_ylabel(said.format(1.5))  # as much room as it takes
+    figure.draw_without_rendering()
+    across, up = ax.get_window_extent().size / np.ptp([ax.get_xlim(), ax.get_ylim()], axis=1)
+    ax.set_ylabel(said.format(up / across))
+
+
 def _draw_section(ax: Axes, terrain: TerrainSection, table: pd.DataFrame) -> None:
-    """Draw the ground by its materials, and how high over it mass centres pass."""
-    vertices = terrain.vertices
+    """Draw the ground at its elevations by its materials, and how high over it mass centres pass."""
+    vertices = terrain.points
     bottom, x = float(vertices[:, 1].min() - 0.08 * np.ptp(vertices[:, 1])), table["x_m"]
     colours = dict(zip(dict.fromkeys(run.material for run in terrain.runs), _GROUNDS, strict=False))
     labelled = set()
@@ -103,7 +122,6 @@ def _draw_section(ax: Axes, terrain: TerrainSection, table: pd.DataFrame) -> Non
     ax.plot(*vertices.T, color=INK, lw=0.8)
     ax.plot(x, under + table["centre_m_q95"], color=BLUE, lw=1.2, label="mass centre, 95 %")
     ax.plot(x, under + table["centre_m_most"], color=RED, lw=0.9, label="highest")
-    ax.set_ylabel("height [m]")
 
 
 def plot_sobol(result: StudyResult) -> Figure:

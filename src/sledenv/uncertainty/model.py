@@ -29,10 +29,10 @@ from sledenv.simulation.checks import admitted, check_zones
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LIBRARY
-from sledenv.simulation.scene import Zone, checked_profile, vertices_of
+from sledenv.simulation.scene import Zone, asymmetry_of, checked_profile, vertices_of
 from sledenv.simulation.scenes import Scenes, settle_speed
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive, TrackNumber
-from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
+from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, named, read_section
 
 PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
 # Which field of what the simulator takes a key stands for; those of a body are told by its section.
@@ -90,6 +90,16 @@ OneGiven = SerializeAsAny[Annotated[Any, BeforeValidator(_read)]]  # a distribut
 Given = dict[str, OneGiven]  # by key
 
 
+def _by_name(materials: Any) -> Any:
+    """Return materials by the text of their names."""
+    if not isinstance(materials, dict):
+        return materials
+    texts = {named(name): one for name, one in materials.items()}
+    if len(texts) < len(materials):
+        raise ValueError("must hold each name once, as a number or as text")
+    return texts
+
+
 class Study(Document):
     """What of a scenario is uncertain, and by how much.
 
@@ -111,7 +121,8 @@ class Study(Document):
     seed: Annotated[int, Whole("[0, 4294967295]")] = 0
     stations_m: tuple[Positive, ...] = ()  # distances at which speeds are told; 20 up to the end of the slope
     terrain: TerrainSection | None = None  # a hillside: x is horizontal, and with it come the next three keys
-    materials: dict[str, Given] = Field(default_factory=dict)  # what the terrain is made of, by name
+    # What the terrain is made of, by name.
+    materials: Annotated[dict[str, Given], BeforeValidator(_by_name)] = Field(default_factory=dict)
     start_m: OneGiven = 0.0  # where along the section bodies start
     heights_m: tuple[Positive, ...] = ()  # of barriers: shares of launches that pass higher are told
     slope: Given = Field(default_factory=dict)
@@ -134,7 +145,7 @@ class Study(Document):
         terrain = content.get("terrain") if isinstance(content, dict) else None
         if isinstance(terrain, dict) and isinstance(terrain.get("section"), str):
             try:
-                terrain["section"] = read_section(folder / terrain["section"])
+                terrain["section"] = read_section(folder / terrain["section"], terrain.get("steepest_deg"))
             except ValueError as error:
                 raise cls.error(f"terrain.section: {error}") from error
         return content
@@ -190,7 +201,7 @@ class Study(Document):
             raise ValueError("\n".join(map(self._as_given, lines))) from error
 
     def _hillside(self) -> dict[str, Any]:
-        """Return what a scenario has of a terrain: a level plane, whose zones are the pieces of each material."""
+        """Return what a scenario has of a terrain: a level plane of the commonest material, and zones of all others."""
         if self.terrain is None:
             alone = [name for name in ("materials", "start_m", "heights_m") if getattr(self, name)]
             if alone:
@@ -216,10 +227,10 @@ class Study(Document):
             surfaces[name] = found | {"corner_rolling_arm_m": found["rolling_arm_m"]}
         zones = [
             {"begin_m": run.begin, "end_m": run.end if run.end < np.inf else None} | surfaces[run.material]
-            for run in self.terrain.runs
+            for run in self.terrain.zones
         ]
         slope = {"angle_deg": 0.0, "length_m": self.terrain.length}
-        return {"slope": slope, "contact": surfaces[self.terrain.runs[0].material], "zones": zones}
+        return {"slope": slope, "contact": surfaces[self.terrain.commonest], "zones": zones}
 
     def _as_given(self, problem: str) -> str:
         """Return what the scenario says of a median as said of the distribution that was given."""
@@ -309,11 +320,16 @@ class Study(Document):
 
     def _on_ground(self, terrain: TerrainSection, given: dict[str, NDArray[np.float64]], scenes: Scenes) -> Scenes:
         """Return scenes over the profile of the terrain, with what is drawn of materials."""
-        zones = scenes.zones.reshape(len(scenes.rows), len(terrain.runs), len(Zone._fields)).copy()
-        for k, run in enumerate(terrain.runs):
-            for key, fields in _MATERIAL.items():
+        runs, commonest = terrain.zones, terrain.commonest
+        zones = scenes.zones.reshape(len(scenes.rows), len(runs), len(Zone._fields)).copy()
+        for key, fields in _MATERIAL.items():
+            for k, run in enumerate(runs):
                 for i in map(Zone._fields.index, fields):
                     zones[:, k, i] = given.get(f"materials.{run.material}.{key}", zones[:, k, i])
+            around = given.get(f"materials.{commonest}.{key}")
+            for field in fields if around is not None else ():
+                of_law = field == "restitution"
+                scenes.rows["asymmetry" if of_law else field] = asymmetry_of(around) if of_law else around
         ground = Grounds.of((vertices_of(checked_profile(terrain.vertices)),))
         scenes.rows["ground"], scenes.rows["ground_end"] = ground.places.T
         return scenes._replace(pieces=ground.pieces, zones=zones.reshape(-1, len(Zone._fields)))

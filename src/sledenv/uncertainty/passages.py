@@ -23,6 +23,7 @@ _AGAIN: Final = 4  # rebounds for a contact that is followed again
 
 Floats = NDArray[np.float64]
 Indices = NDArray[np.intp]
+Bools = NDArray[np.bool_]
 
 
 def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passages:
@@ -30,7 +31,7 @@ def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passag
 
     In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
     once more, from the separation before, on a slope that ends there. Where a body swings over a place and back in one
-    contact it has not come there.
+    contact it has not come there. A mass centre behind x = 0 has left the section backwards, for good.
 
     Parameters
     ----------
@@ -43,13 +44,14 @@ def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passag
     """
     parts = [slice(first, first + _LOGS) for first in range(0, len(scenes.rows), _LOGS)]
     found = [_seen(scenes.take(part), stations, settings) for part in parts]
-    outcomes, seen = (np.concatenate(each) for each in zip(*found, strict=True))
+    outcomes, seen, left = (np.concatenate(each) for each in zip(*found, strict=True))
     jam = descent_jam(outcomes, scenes.of_body("mass"), scenes.rows["length"])
-    return Passages(outcomes, jam, *np.moveaxis(seen, 2, 0))
+    speed, kinetic, bounce, centre = np.moveaxis(seen, 2, 0)
+    return Passages(outcomes, jam, speed, kinetic, bounce, centre, left)
 
 
-def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats]:
-    """Return the outcomes of descents, and what is told of them at stations, shape (N, K, 4)."""
+def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarray, Floats, Bools]:
+    """Return the outcomes of descents, what is told of them at stations, shape (N, K, 4), and who leaves backwards."""
     lengths = given.rows["length"]
     logs = new_logs(len(lengths), settings.max_rebounds)
     outcomes = follow(given, lengths, False, settings.limits, logs)
@@ -69,13 +71,14 @@ def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarr
     ground = heights_on(given.pieces, x)
     seen = np.full((len(lengths), len(stations), 4), np.nan)
     seen[lane, station] = np.column_stack([np.hypot(u, v), kinetic, np.maximum(lowest, 0.0), y - ground])
-    return outcomes, seen
+    return outcomes, seen, flights.left_backwards
 
 
 class _Flights:
     """How N descents fly: from their launches and from each separation on.
 
     Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
+    One that has come behind x = 0, where the section begins, has left it: it comes to no place from there on.
     """
 
     def __init__(self, given: Scenes, outcomes: np.ndarray, logs: np.ndarray) -> None:
@@ -91,6 +94,9 @@ class _Flights:
         self.path[:, 2::2][flown] = x[:, 1:][flown]
         landing = x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
         self.path[:, 1:-1:2][flown] = landing[flown]
+        gone = np.logical_or.accumulate(self.path < 0.0, axis=1)
+        self.left_backwards = gone[:, -1]
+        self.path[gone] = -np.inf
 
     def first_at(self, stations: Floats) -> Indices:
         """Return which entry of each path is the first one at or beyond stations, shape (N, K); its length if none."""

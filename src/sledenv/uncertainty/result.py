@@ -35,7 +35,8 @@ class StudyResult:
     envelopes : DataFrame
         A row for each distance ``x_m`` along the slope: shares of launches, with their intervals, and quantiles and the
         largest value, ``most``, of the speed and of the kinetic energy of those that come there. Over a hillside also
-        of ``bounce_m`` and ``centre_m``, heights over the ground of the lowest point and of the mass centre.
+        of ``bounce_m`` and ``centre_m``, heights over the ground of the lowest point and of the mass centre, and
+        ``z_m``, the elevation of the ground there.
     sobol : DataFrame
         A row for each output and parameter: first order and total index, each with the half-width of its interval of
         95 %.

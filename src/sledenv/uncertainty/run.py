@@ -134,9 +134,7 @@ def _simulate(
     progress: bool,
 ) -> tuple[Path, ...]:
     """Simulate what has not been yet, and return the files of all blocks."""
-    group = len(one.parameters) + 2
-    size = group << max((BLOCK // group).bit_length() - 1, 0)
-    parts = [np.ascontiguousarray(drawn[start : start + size]) for start in range(0, len(drawn), size)]
+    parts = [np.ascontiguousarray(part) for part in np.split(drawn, _cuts(len(drawn), len(one.parameters) + 2))]
     place = folder / _LAUNCHES
     files = tuple(place / f"{i:05d}-{_digest(one, part)}.parquet" for i, part in enumerate(parts))
     foreign = sorted({path.name for path in place.glob("[!.]*")} - {path.name for path in files})
@@ -157,6 +155,17 @@ def _simulate(
     return files
 
 
+def _cuts(launches: int, group: int) -> list[int]:
+    """Return where all blocks but the last end: at powers of two of groups, until blocks are as large as they may be.
+
+    Launches are a power of two of groups. So blocks of fewer launches are blocks of more.
+    """
+    cuts, most = [group], max(BLOCK, group)
+    while cuts[-1] < launches:
+        cuts.append(cuts[-1] + min(cuts[-1], group << ((most // group).bit_length() - 1)))
+    return cuts[:-1]
+
+
 def _digest(one: Study, part: NDArray[np.float64]) -> str:
     """Digest of all that the launches of a block depend on."""
     return hashlib.sha256(one.key.encode() + part.tobytes()).hexdigest()[:12]
@@ -174,8 +183,13 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     found = descend_past(*given, one.base.all_bodies()) if one.terrain is None else descend_over(*given)
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
-    columns["status"] = pd.Categorical.from_codes(outcomes["status"], [str(status) for status in STATUS_OF_CODE])
-    columns |= {"stop_m": outcomes["x"], "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
+    statuses, codes, stops = [str(status) for status in STATUS_OF_CODE], outcomes["status"].astype(int), outcomes["x"]
+    if found.left_backwards is not None:
+        codes = np.where(found.left_backwards, len(statuses), codes)
+        stops = np.where(found.left_backwards, 0.0, stops)
+        statuses.append(summary.LEFT_BACKWARDS)
+    columns["status"] = pd.Categorical.from_codes(codes, statuses)
+    columns |= {"stop_m": stops, "time_s": outcomes["t"], "rebounds": outcomes["rebounds"]}
     columns |= {"speed_m_s": np.hypot(outcomes["u"], outcomes["v"]), "kinetic_j": outcomes["kinetic"]}
     columns |= found.jam._asdict() | {f"lost_{name}_j": outcomes[name] for name in LOSSES}
     for k in range(len(one.stations)):
@@ -191,7 +205,9 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner, progress: bool) ->
     envelopes = []
     for k, x in enumerate(one.stations.tolist()):
         there = read_launches(files, [f"{name}_{k}" for name in passing]).set_axis(passing, axis=1)
-        envelopes.append(summary.envelope(x, ends, there, group, one.heights_m))
+        row = summary.envelope(x, ends, there, group, one.heights_m)
+        elevation = {} if one.terrain is None else {"z_m": float(np.interp(x, *one.terrain.points.T))}
+        envelopes.append({"x_m": x} | elevation | row)
     calls: list[Call] = [
         (summary.indices, (name, output, tuple(one.parameters), one.seed))
         for name, output in summary.analysed(ends).items()

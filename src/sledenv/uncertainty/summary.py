@@ -22,6 +22,7 @@ OUTPUTS: Final = (  # numbers that each descent ends with
     *(f"lost_{name}_j" for name in LOSSES),
 )
 ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other status is a limit that was met
+LEFT_BACKWARDS: Final = "left_backwards"  # the status of who leaves a section of terrain behind its start
 # Outputs with Sobol indices, and whether each of ENDS.
 _ANALYSED: Final = ("stop_m", "time_s", "kinetic_j", "reward")
 _SHOWN: Final = ("bounce_m", "speed_m_s", "kinetic_j")  # by place over a hillside
@@ -52,7 +53,8 @@ def _worth(hits: NDArray[np.bool_], group: int) -> float:
 
 def shares(status: pd.Series, group: int) -> pd.DataFrame:
     """Return how often descents end in each way, for the ways of ``ENDS`` and all others that occur."""
-    names = [*map(str, ENDS), *(str(one) for one in Status if one not in ENDS and (status == one).any())]
+    others = [LEFT_BACKWARDS, *(str(one) for one in Status if one not in ENDS)]
+    names = [*map(str, ENDS), *(name for name in others if (status == name).any())]
     rows = [(name, *interval((status == name).to_numpy(), group)) for name in names]
     return pd.DataFrame(rows, columns=["status", "share", "low", "high"])
 
@@ -86,7 +88,7 @@ def stops(places: pd.Series, group: int) -> pd.DataFrame:
 def envelope(
     x: float, ends: pd.DataFrame, passing: pd.DataFrame, group: int, heights: Sequence[float]
 ) -> dict[str, float]:
-    """Return a row of the envelopes.
+    """Return a row of the envelopes, but for its place.
 
     Parameters
     ----------
@@ -105,10 +107,11 @@ def envelope(
     finished = ((status == Status.FINISH) & (ends["stop_m"] <= x)).to_numpy()
     stopped = ~there & ~finished
     ways = {"moving": there & ~finished, "finished": finished}
-    ways |= {str(one): stopped & (status == one).to_numpy() for one in ENDS[1:]}
-    ways["other"] = stopped & ~status.isin(ENDS).to_numpy()
+    names = [*map(str, ENDS[1:]), *([LEFT_BACKWARDS] if LEFT_BACKWARDS in status.cat.categories else [])]
+    ways |= {name: stopped & (status == name).to_numpy() for name in names}
+    ways["other"] = stopped & ~status.isin([str(ENDS[0]), *names]).to_numpy()
     ways |= {f"over_{height:g}_m": (passing["bounce_m"] > height).to_numpy() for height in heights}
-    row = {"x_m": x}
+    row: dict[str, float] = {}
     for name, hits in ways.items():
         row |= dict(zip((name, f"{name}_low", f"{name}_high"), interval(hits, group), strict=True))
     for name, column in passing.items():
@@ -124,7 +127,7 @@ def analysed(ends: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     A few launches would make up all of their variance.
     """
     outputs = {name: ends[name].to_numpy(np.float64) for name in _ANALYSED}
-    outputs |= {str(one): (ends["status"] == one).to_numpy(np.float64) for one in ENDS}
+    outputs |= {str(one): (ends["status"] == one).to_numpy(np.float64) for one in (*ENDS, LEFT_BACKWARDS)}
     middle = {name: np.quantile(output, _MIDDLE) for name, output in outputs.items()}
     return {name: output for name, output in outputs.items() if middle[name][0] < middle[name][1]}
 
@@ -170,12 +173,15 @@ def _by_place(along: pd.DataFrame) -> list[str]:
     """Return by place which share of launches comes there, and how high, fast and energetic those pass."""
     shown = [f"{name}_{quantile}" for name in _SHOWN for quantile in ("q50", "q95", "most")]
     rows = [
-        (f"  {row['x_m']:g}", f"{row['moving'] + row['finished']:.3f}", *(f"{row[name]:.4g}" for name in shown))
+        (
+            *(f"  {row['x_m']:g}", f"{row['z_m']:.5g}", f"{row['moving'] + row['finished']:.3f}"),
+            *(f"{row[name]:.4g}" for name in shown),
+        )
         for row in along.to_dict("records")
     ]
-    names = ["by place", "", *(name for each in _SHOWN for name in (each, "", ""))]
-    head = ["  x_m", "comes", *("median", "95 %", "most") * len(_SHOWN)]
-    return aligned([names, head, *rows], ("<10", ">7", ">9"))
+    names = ["by place", "", "", *(name for each in _SHOWN for name in (each, "", ""))]
+    head = ["  x_m", "z_m", "comes", *("median", "95 %", "most") * len(_SHOWN)]
+    return aligned([names, head, *rows], ("<8", ">7", ">7", ">9"), " ")
 
 
 def _spread(index: float, half: float) -> str:

@@ -3,26 +3,32 @@
 from __future__ import annotations
 
 import math
+from collections import defaultdict
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any, Final, NamedTuple
+from typing import Annotated, Any, Final, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BeforeValidator
+from pydantic import BeforeValidator, ValidationInfo, model_validator
 
 from sledenv.scenarios.configuration import Quantity, Section
-from sledenv.scenarios.terrain import read_ground
+from sledenv.scenarios.terrain import MATERIAL, TERRAIN, read_rows
 from sledenv.simulation.records import MOST_ZONES
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
+from sledenv.simulation.scene import MOST_VERTICES
+from sledenv.simulation.terrain import Reader, checked_section
 
-COLUMNS: Final = ("x_m", "z_m", "material")
+Floats = NDArray[np.float64]
+
+COLUMNS: Final = (*TERRAIN, MATERIAL)
+_STEEPEST: Final = "terrain.steepest_deg"
 
 
 class Place(NamedTuple):
     """A point of a section."""
 
     x: float  # [m] horizontal, from 0 on
-    z: float  # [m] height
+    z: float  # [m] elevation
     material: str  # of the piece that begins here
 
 
@@ -34,60 +40,74 @@ class Run(NamedTuple):
     end: float  # [m], inf for the last one
 
 
-def _checked(given: Any) -> tuple[Place, ...]:
-    """Return the points of a section, or raise ValueError that says which is wrong and on which line of a table."""
+def named(material: Any) -> Any:
+    """Return the name of a material as text, for numbers are as good; anything else as it is."""
+    return material if isinstance(material, bool) or not isinstance(material, int | float) else str(material)
+
+
+def _checked(given: Any, info: ValidationInfo) -> tuple[Place, ...]:
+    """Return the points of a section, or raise ValueError that says which is wrong."""
     if not isinstance(given, list | tuple) or not 2 <= len(given) <= MOST_VERTICES:
         raise ValueError(
             f"must be the name of a CSV file, or a list of 2 to {MOST_VERTICES} points [x_m, z_m, material]"
         )
-    places: list[Place] = []
-    number = Quantity("(-inf, inf) m")
+    number, points, materials = Quantity("(-inf, inf) m"), [], []
     for k, point in enumerate(given):
-        where = f"point {k + 1} (line {k + 2} of a CSV file)"
-        if not isinstance(point, list | tuple) or len(point) != len(COLUMNS) or not isinstance(point[2], str):
-            raise ValueError(f"{where} is {point!r}: must be [x_m, z_m, material]")
+        where = f"point {k + 1} is {point!r}"
+        if not isinstance(point, list | tuple) or len(point) != len(COLUMNS) or not isinstance(named(point[2]), str):
+            raise ValueError(f"{where}: must be [x_m, z_m, material]")
         try:
-            place = Place(number.number(point[0]), number.number(point[1]), point[2])
+            points.append([number.number(point[0]), number.number(point[1])])
         except ValueError as error:
-            raise ValueError(f"{where} is {point!r}: {error}") from None
-        if not places and place.x != 0.0:
-            raise ValueError(f"{where}, x_m = {place.x:g}: must be 0, for places are told from there")
-        if places:
-            _check_piece(where, places[-1], place)
-        places.append(place)
-    runs = len(_runs(tuple(places)))
-    if runs > MOST_ZONES:
-        raise ValueError(f"the material changes {runs - 1} times: may change {MOST_ZONES - 1} times")
-    return tuple(places)
+            raise ValueError(f"{where}: {error}") from None
+        materials.append(named(point[2]).strip())
+    reader = Reader("points", lambda k: f"point {k + 1}", TERRAIN, _STEEPEST)
+    return _section(np.array(points), materials, reader, info.data.get("steepest_deg"))
 
 
-def _check_piece(where: str, before: Place, here: Place) -> None:
-    if not here.x > before.x:
-        raise ValueError(f"{where}, x_m = {here.x:g}: must be above that of the point before, {before.x:g}")
-    if abs(here.z - before.z) > math.tan(STEEPEST) * (here.x - before.x):
-        steep = math.degrees(math.atan2(abs(here.z - before.z), here.x - before.x))
-        raise ValueError(
-            f"{where}: the piece before it is {steep:.1f} degrees steep, must be at most {math.degrees(STEEPEST):g}: "
-            "move one of its ends along x"
-        )
-
-
-def _runs(places: tuple[Place, ...]) -> list[Run]:
-    pieces = places[:-1]
-    first = [k for k, place in enumerate(pieces) if k == 0 or place.material != pieces[k - 1].material]
-    ends = [pieces[k].x for k in first[1:]] + [math.inf]
-    return [Run(pieces[k].material, pieces[k].x, end) for k, end in zip(first, ends, strict=True)]
+def _section(points: Floats, materials: Sequence[str], reader: Reader, steepest: float | None) -> tuple[Place, ...]:
+    """Return the points of a section, filled up where it is too steep, or raise ValueError."""
+    empty = [k for k, material in enumerate(materials[:-1]) if not material]
+    if empty:
+        raise ValueError(f"{reader.place(empty[0])}: material is empty: must name that of the piece that begins there")
+    found = checked_section(points, points, reader, None if steepest is None else math.radians(steepest))
+    if found.vertices[0, 0] != 0.0:
+        first = f"{reader.place(0)}: x_m = {found.vertices[0, 0]:g}"
+        raise ValueError(f"{first}: must be 0, for places are told from there; shift all points")
+    rows = zip(found.vertices.tolist(), found.pieces, strict=True)
+    return tuple(Place(x, z, materials[k]) for (x, z), k in rows)
 
 
 class TerrainSection(Section):
     """The hillside."""
 
+    steepest_deg: Annotated[float | None, Quantity("(0, 80] deg")] = None  # up to which steep faces are filled up
     section: Annotated[tuple[Place, ...], BeforeValidator(_checked)]
 
     @property
     def runs(self) -> list[Run]:
         """Pieces of one material each, in order along x."""
-        return _runs(self.section)
+        pieces = self.section[:-1]
+        first = [k for k, place in enumerate(pieces) if k == 0 or place.material != pieces[k - 1].material]
+        ends = [pieces[k].x for k in first[1:]] + [math.inf]
+        return [Run(pieces[k].material, pieces[k].x, end) for k, end in zip(first, ends, strict=True)]
+
+    @property
+    def commonest(self) -> str:
+        """The material of most runs, of several the longest: that of the ground outside of all zones."""
+        runs: dict[str, int] = defaultdict(int)
+        lengths: dict[str, float] = defaultdict(float)
+        for run in self.runs:
+            runs[run.material] += 1
+            lengths[run.material] += min(run.end, self.length) - run.begin
+        return max(runs, key=lambda material: (runs[material], lengths[material]))
+
+    @property
+    def zones(self) -> list[Run]:
+        """Runs of all other materials; one that begins with the section is also what the ground before it is of."""
+        commonest = self.commonest
+        zones = [run for run in self.runs if run.material != commonest]
+        return [run._replace(begin=-self.length) if run.begin == 0.0 else run for run in zones]
 
     @property
     def length(self) -> float:
@@ -95,10 +115,21 @@ class TerrainSection(Section):
         return self.section[-1].x
 
     @property
-    def vertices(self) -> NDArray[np.float64]:
+    def points(self) -> Floats:
+        """Points x and elevation [m], shape (n, 2)."""
+        return np.array([(place.x, place.z) for place in self.section])
+
+    @property
+    def vertices(self) -> Floats:
         """Points x and height over the last point [m], shape (n, 2)."""
-        last = self.section[-1].z
-        return np.array([(place.x, place.z - last) for place in self.section])
+        return self.points - (0.0, self.section[-1].z)
+
+    @model_validator(mode="after")
+    def _zones_fit(self) -> Self:
+        if len(self.zones) > MOST_ZONES:
+            made = f"the materials make {len(self.zones)} runs beside those of the commonest, {self.commonest}"
+            raise ValueError(f"{made}: must be at most {MOST_ZONES}; join short ones with their neighbours")
+        return self
 
 
 class MaterialSection(Section):
@@ -110,19 +141,27 @@ class MaterialSection(Section):
     stiffness_n_m: Annotated[float, Quantity("(0, inf) N/m")]
 
 
-def read_section(file: Path) -> list[list[Any]]:
+def read_section(file: Path, steepest_deg: Any = None) -> list[list[Any]]:
     """Read the points of a section from a table with the columns ``x_m``, ``z_m`` and ``material``.
+
+    Parameters
+    ----------
+    file : Path
+        As :func:`sledenv.scenarios.terrain.read_rows` takes it.
+    steepest_deg : float, optional
+        What ``steepest_deg`` of a terrain is given.
 
     Raises
     ------
     ValueError
-        Naming the file, the line and what is wrong there.
+        Naming the file, the line and what is wrong there, or what ``steepest_deg`` must be.
     """
+    steepest = TerrainSection.quantities()["steepest_deg"].read(steepest_deg) if steepest_deg is not None else None
     try:
-        ground = read_ground(str(file), 0.0)
+        rows = read_rows(str(file))
+        if rows.columns != TERRAIN or not rows.materials:
+            raise ValueError(f"its first line must name the columns {', '.join(COLUMNS)}")
+        places = _section(rows.points, rows.materials, rows.reader(_STEEPEST), steepest)
     except (OSError, ValueError) as problem:
         raise ValueError(f"{file}: {problem}") from problem
-    if ground.angle_deg is None or not ground.materials:
-        raise ValueError(f"{file}: must have the columns {', '.join(COLUMNS)}")
-    points = zip(ground.vertices.tolist(), ground.materials, strict=True)
-    return [[x, z, material] for (x, z), material in points]
+    return [list(place) for place in places]
