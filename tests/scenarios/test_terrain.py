@@ -249,9 +249,11 @@ def test_materials_of_a_file_are_zones(ground: Any) -> None:
 
 
 def test_more_zones_than_there_may_be_are_told(ground: Any) -> None:
-    rows = "".join(f"{x},{0.1 * (x % 2)},{'rock' if x % 2 else ''}\n" for x in range(20))
-    told = refusal(ground, "x_m,y_m,material\n" + rows, zones=[{"material": "rock", "friction": 1}], slope__length_m=21)
+    rows = "".join(f"{x},{0.1 * (x % 2)},{'rock' if x % 2 else ''}\n" for x in range(140))
+    told = refusal(
+        ground, "x_m,y_m,material\n" + rows, zones=[{"material": "rock", "friction": 1}], slope__length_m=141
+    )
     assert told == (
-        "zones: the materials make 10 zones, one behind the other: must be at most 8; let the commonest be that of the "
+        "zones: the materials make 70 zones, one behind the other: must be at most 64; let the commonest be that of the "
         "contact, without a zone, or join pieces"
     )

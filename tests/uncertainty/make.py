@@ -102,7 +102,7 @@ def lane_of(scenes: Scenes, lane: int) -> Lane:
     own = scenes.zones[int(row["zones"]) : int(row["zones_end"])].tolist()
     zones = [Zone(*[None if math.isnan(number) else number for number in zone]) for zone in own]
     x, y, radius = (scenes.grounds()[lane][name] for name in ("x", "y", "radius"))
-    incline = Slope(*slope, zones=zones, profile=np.column_stack([x, y]), rounding=radius)
+    incline = Slope(*slope[:3], zones, np.column_stack([x, y]), radius, slope[3])
     return Lane(ContactLaw(*law), incline, State(*launch))
 
 

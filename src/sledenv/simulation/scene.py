@@ -396,6 +396,7 @@ class Slope(Checked, _SlopeFields):
         zones: Iterable[Zone] = (),
         tolerance: float | None = None,
         steepest: float | None = None,
+        air_density: float = AIR_DENSITY,
     ) -> Self:
         """Return the slope of a section of terrain, as scenarios and studies read it out of a file.
 
@@ -409,7 +410,7 @@ class Slope(Checked, _SlopeFields):
             to a millionth of a degree.
         length : float, optional
             Where descents finish, along the plane [m]; at the last point by default.
-        gravity, zones
+        gravity, zones, air_density
             As for the class; zones begin and end along the plane.
         tolerance : float, optional
             Tell the ground by few straight pieces and arcs that differ from it by at most this [m], off the plane:
@@ -434,7 +435,7 @@ class Slope(Checked, _SlopeFields):
 
         found = ground_of(x, z, angle, tolerance, steepest)
         end = float(found.vertices[-1, 0]) if length is None else length
-        return cls(found.angle, end, gravity, zones, found.told[:, :2], found.told[:, 2])
+        return cls(found.angle, end, gravity, zones, found.told[:, :2], found.told[:, 2], air_density)
 
     @property
     def row(self) -> tuple[float, ...]:

@@ -29,7 +29,7 @@ Bools = NDArray[np.bool_]
 def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passages:
     """Simulate descents over one profile, and tell how they first come to places along it.
 
-    In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
+    In flight everything follows from the separation before, but for bodies that feel the air. A contact in which a descent comes to a place is followed
     once more, from the separation before, on a slope that ends there. Where a body swings over a place and back in one
     contact it has not come there. A mass centre behind x = 0 has left the section backwards, for good.
 
@@ -61,11 +61,15 @@ def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarr
     place = flights.first_at(stations)[lane, station]  # in the path of each descent
     comes = place < flights.path.shape[1]
     lane, station, place = lane[comes], station[comes], place[comes]
-    states = flights.at(lane, place, stations[station])
-    kinetic = _kinetic(given, lane, states)
-    contact = np.flatnonzero((place > 0) & (place % 2 == 0))
-    again, energy = _in_contact(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
-    states[contact], kinetic[contact] = again, energy
+    if flights.feel_air:
+        reached, states, kinetic = _from_the_launch(given.take(lane), stations[station], settings)
+        lane, station, states, kinetic = lane[reached], station[reached], states[reached], kinetic[reached]
+    else:
+        states = flights.at(lane, place, stations[station])
+        kinetic = _kinetic(given, lane, states)
+        contact = np.flatnonzero((place > 0) & (place % 2 == 0))
+        again, energy = _in_contact(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
+        states[contact], kinetic[contact] = again, energy
     x, y, phi, u, v, _ = states.T
     lowest = y - given.take(lane).resting_heights(x, within_a_turn(phi))
     ground = heights_on(given.pieces, x)
@@ -78,12 +82,14 @@ class _Flights:
     """How N descents fly: from their launches and from each separation on.
 
     Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
-    One that has come behind x = 0, where the section begins, has left it: it comes to no place from there on.
+    One that has come behind x = 0, where the section begins, has left it: it comes to no place from there on. Where
+    bodies feel the air, the place that is touched stands for the end of a flight.
     """
 
     def __init__(self, given: Scenes, outcomes: np.ndarray, logs: np.ndarray) -> None:
         self.given, self.outcomes, self.logs = given, outcomes, logs
         self.gravity = given.rows["gravity"]
+        self.feel_air = bool((given.rows["air_density"] * given.of_body("drag_area")).any())
         count, most = logs.shape
         flown = np.arange(most) < outcomes["rebounds"][:, np.newaxis]
         x, t, u = (np.empty((count, most + 1)) for _ in range(3))
@@ -92,7 +98,9 @@ class _Flights:
         self.path = np.repeat(outcomes["x"][:, np.newaxis], 2 * most + 2, axis=1)
         self.path[:, 0] = x[:, 0]
         self.path[:, 2::2][flown] = x[:, 1:][flown]
-        landing = x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
+        landing = logs["x_contact"]
+        if not self.feel_air:
+            landing = x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
         self.path[:, 1:-1:2][flown] = landing[flown]
         gone = np.logical_or.accumulate(self.path < 0.0, axis=1)
         self.left_backwards = gone[:, -1]
@@ -142,6 +150,19 @@ def _kinetic(given: Scenes, lane: Indices, states: Floats) -> Floats:
     _, _, _, u, v, omega = states.T
     kinetic: Floats = 0.5 * (some.of_body("mass") * (u * u + v * v) + some.of_body("inertia") * omega * omega)
     return kinetic
+
+
+def _from_the_launch(given: Scenes, x: Floats, settings: Settings) -> tuple[Bools, Floats, Floats]:
+    """Return which descents come to places x [m], their states there, shape (M, 6), and kinetic energies [J].
+
+    Each is followed up to there from its launch: with air no closed form tells where it is in flight.
+    """
+    behind = given.launches[:, 0] >= x  # where it begins
+    outcomes = follow(given, x, False, settings.limits)
+    states = np.column_stack([outcomes[name] for name in State._fields])
+    states[behind] = given.launches[behind]
+    kinetic = np.where(behind, _kinetic(given, np.arange(len(x)), states), outcomes["kinetic"])
+    return behind | (outcomes["status"] == FINISH), states, kinetic
 
 
 def _in_contact(
