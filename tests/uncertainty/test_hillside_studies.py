@@ -87,15 +87,15 @@ def test_passages_in_thin_air_are_those_without() -> None:
     study = hill()
     scenes = study.scenes(study.values(run.draws(study)[:60]))
     thin = scenes._replace(bodies=scenes.bodies.copy())
-    thin.bodies["drag_area"] = 1e-9
+    thin.bodies["drag_area"] = 1e-14
     settings = study.base.settings()
     found, others = (descend_over(one, study.stations, settings) for one in (scenes, thin))
     assert (others.outcomes["drag"] > 0.0).all()
     assert (found.left_backwards == others.left_backwards).all()
     for name in ("speed", "kinetic", "bounce", "centre"):
         one, other = getattr(found, name), getattr(others, name)
-        assert np.mean(np.isnan(one) != np.isnan(other)) < 0.01  # over a place and back in one contact
-        assert np.nanquantile(np.abs(one - other), 0.95) < 1e-3
+        assert np.mean(np.isnan(one) != np.isnan(other)) <= 0.01  # over a place and back in one contact
+        assert np.nanquantile(np.abs(one - other), 0.95) < 1e-6
 
 
 def test_whole_descents_are_those_of_a_plain_batch() -> None:
