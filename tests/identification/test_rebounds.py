@@ -427,6 +427,10 @@ def test_files_that_are_no_tables(tmp_path) -> None:
     for text, message in (
         ("# filmed\nv_before_m_s\n", "'# filmed': must name the columns"),
         ("\xf6\n", "in UTF-8, but byte 1"),
+        (
+            'v_before_m_s,v_after_m_s\n-1,"0.5\n-2,1\n-3,"1.5\n',
+            "line 2 = '-1,\"0.5': a quotation mark has no other one",
+        ),
     ):
         (tmp_path / "told.csv").write_text(text, encoding="latin-1")
         with pytest.raises(ValueError, match=message):

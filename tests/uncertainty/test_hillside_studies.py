@@ -13,6 +13,7 @@ import yaml
 
 import sledenv
 from sledenv import Settings
+from sledenv.command.cli import main
 from sledenv.machine.files import replacing
 from sledenv.scenarios.bodies import RockBody
 from sledenv.scenarios.configuration import write_yaml
@@ -341,6 +342,19 @@ def test_a_section_as_it_is_surveyed_becomes_a_study_with_one_key(tmp_path: Path
     assert [run.material for run in study.terrain.runs] == ["8", "3", "8", "5"]
     result = sledenv.study(study, tmp_path / "out", launches=24, workers=1, progress=False)
     assert load_study(tmp_path / "out" / "study.yaml").key == result.study.key == study.key
+
+
+@pytest.mark.filterwarnings("default")
+def test_the_command_says_what_was_filled_up_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: what Python warns of."""
+    (tmp_path / "steep.csv").write_text(STEEP)
+    one = HILL["materials"]["rock"]
+    content = HILL | {"materials": {8: one, 3: one, 5: one}, "stations_m": [60], "launches": 1}
+    write_yaml(tmp_path / "steep.yaml", content | {"terrain": {"section": "steep.csv", "steepest_deg": 80}})
+    assert main(["study", str(tmp_path / "steep.yaml"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
+    told = [line for line in capsys.readouterr().err.splitlines() if "steepest" in line]
+    said = "3 of 9 points are under what was filled up, 0.805 m from the ground at most"
+    assert told == [f"sledenv study: warning: terrain.steepest_deg: {said}"]
 
 
 def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager
 from importlib.metadata import version
@@ -47,7 +48,7 @@ def _shown(default: Any) -> str | None:
 
 
 def run(command: App, arguments: Sequence[str] | None = None) -> int:
-    """Run a command.
+    """Run a command, which is warned in one line on standard error.
 
     Parameters
     ----------
@@ -73,7 +74,9 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
     if heeded is signal.default_int_handler:  # a process in the background may ignore it
         signal.signal(signal.SIGINT, _interrupt)
     try:
-        status = command(words, print_error=False, exit_on_error=False, result_action="return_value")
+        with warnings.catch_warnings():
+            warnings.showwarning = lambda message, *where: print(f"{name}: warning: {message}", file=sys.stderr)
+            status = command(words, print_error=False, exit_on_error=False, result_action="return_value")
         sys.stdout.flush()
     except BrokenPipeError:  # the reader, head for one, has seen enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -13,6 +13,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from sledenv.identification.objective import Floats
+from sledenv.machine.text_tables import check_quotes
 from sledenv.pages.columns import rebound_columns, rebound_rows, trajectory_columns
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.outcomes import Descent, DescentBatch
@@ -48,6 +49,9 @@ def _read_csv(file: Path) -> pd.DataFrame:
     with file.open("rb") as text:
         if len(text.readline(_HEADER + 1)) > _HEADER:
             raise ValueError(f"its first line has more than {_HEADER} characters: it must name the columns")
+    with file.open(encoding="utf-8-sig") as lines:
+        for number, line in enumerate(lines, 1):
+            check_quotes(line, number)
     table = pd.read_csv(file, skip_blank_lines=False, skipinitialspace=True)
     named = pd.read_csv(file, header=None, nrows=1, dtype=str, skip_blank_lines=False, skipinitialspace=True)
     if named.shape[1] == table.shape[1]:  # pandas numbers names that are there twice
