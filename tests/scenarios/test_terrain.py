@@ -254,6 +254,6 @@ def test_more_zones_than_there_may_be_are_told(ground: Any) -> None:
         ground, "x_m,y_m,material\n" + rows, zones=[{"material": "rock", "friction": 1}], slope__length_m=141
     )
     assert told == (
-        "zones: the materials make 70 zones, one behind the other: must be at most 64; let the commonest be that of the "
-        "contact, without a zone, or join pieces"
+        "zones: the materials make 70 zones, one behind the other: must be at most 64; let the commonest be that of "
+        "the contact, without a zone, or join pieces"
     )

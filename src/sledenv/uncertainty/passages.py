@@ -29,9 +29,10 @@ Bools = NDArray[np.bool_]
 def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passages:
     """Simulate descents over one profile, and tell how they first come to places along it.
 
-    In flight everything follows from the separation before, but for bodies that feel the air. A contact in which a descent comes to a place is followed
-    once more, from the separation before, on a slope that ends there. Where a body swings over a place and back in one
-    contact it has not come there. A mass centre behind x = 0 has left the section backwards, for good.
+    In flight everything follows from the separation before, but for bodies that feel the air. A contact in which a
+    descent comes to a place is followed once more, from the separation before, on a slope that ends there. Where a body
+    swings over a place and back in one contact it has not come there. A mass centre behind x = 0 has left the section
+    backwards, for good.
 
     Parameters
     ----------
