@@ -96,7 +96,7 @@ def test_passages_in_thin_air_are_those_without() -> None:
     for name in ("speed", "kinetic", "bounce", "centre"):
         one, other = getattr(found, name)[:, :4], getattr(others, name)[:, :4]  # later, differences have grown
         assert (np.isnan(one) == np.isnan(other)).all()
-        assert np.nanmedian(np.abs(one - other)) < 1e-5
+        assert np.nanmedian(np.abs(one - other)) < 1e-3
 
 
 def test_whole_descents_are_those_of_a_plain_batch() -> None:
