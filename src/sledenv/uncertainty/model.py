@@ -63,6 +63,7 @@ _MATERIAL: Final = {  # of a zone
 _START: Final = "start_m"
 _BUMPS: Final = "slope.bumps"
 _EITHER: Final = ({"restitution", "asymmetry"}, {"profile_m", "profile_file", "bumps"})  # one stands for the others
+_INCLINE: Final = ("gravity_m_s2", "air_density_kg_m3")  # of a slope, what terrain leaves open
 _SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity", "slope.air_density_kg_m3": "air_density"}
 _NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
 _DROP, _TRACK = (Context._fields.index(name) for name in ("drop", "track"))
@@ -208,7 +209,7 @@ class Study(Document):
                 raise ValueError(f"{alone[0]}: goes with terrain, and there is none")
             return {}
         given = {name for name in ("scenario", "contact", "zone", "ends") if getattr(self, name)}
-        given |= {f"slope.{key}" for key in self.slope if key != "gravity_m_s2"}
+        given |= {f"slope.{key}" for key in self.slope if key not in _INCLINE}
         if given:
             raise ValueError(f"{', '.join(sorted(given))}: cannot be given beside terrain")
         if self.solver != "compliant":

@@ -29,10 +29,10 @@ Bools = NDArray[np.bool_]
 def descend_over(scenes: Scenes, stations: Floats, settings: Settings) -> Passages:
     """Simulate descents over one profile, and tell how they first come to places along it.
 
-    In flight everything follows from the separation before, but for bodies that feel the air. A contact in which a
-    descent comes to a place is followed once more, from the separation before, on a slope that ends there. Where a body
-    swings over a place and back in one contact it has not come there. A mass centre behind x = 0 has left the section
-    backwards, for good.
+    In flight everything follows from the separation before. A contact in which a descent comes to a place is followed
+    once more, from the separation before, on a slope that ends there; so is a flight in air. Where a body swings over a
+    place and back in one contact it has not come there. A mass centre behind x = 0 has left the section backwards, for
+    good.
 
     Parameters
     ----------
@@ -62,15 +62,11 @@ def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarr
     place = flights.first_at(stations)[lane, station]  # in the path of each descent
     comes = place < flights.path.shape[1]
     lane, station, place = lane[comes], station[comes], place[comes]
-    if flights.feel_air:
-        reached, states, kinetic = _from_the_launch(given.take(lane), stations[station], settings)
-        lane, station, states, kinetic = lane[reached], station[reached], states[reached], kinetic[reached]
-    else:
-        states = flights.at(lane, place, stations[station])
-        kinetic = _kinetic(given, lane, states)
-        contact = np.flatnonzero((place > 0) & (place % 2 == 0))
-        again, energy = _in_contact(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
-        states[contact], kinetic[contact] = again, energy
+    states = flights.at(lane, place, stations[station])
+    kinetic = _kinetic(given, lane, states)
+    contact = np.flatnonzero((place > 0) & (flights.feel_air | (place % 2 == 0)))
+    again, energy = _followed(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
+    states[contact], kinetic[contact] = again, energy
     x, y, phi, u, v, _ = states.T
     lowest = y - given.take(lane).resting_heights(x, within_a_turn(phi))
     ground = heights_on(given.pieces, x)
@@ -117,7 +113,7 @@ class _Flights:
         """Return the states in which flights begin, shape (M, 6): those of the launch, or of the separation before.
 
         Logs have no height. It is told from where the flight ends: where the body touches the ground, or where the
-        descent ends.
+        descent ends. With air it is that at which the body touches the ground where it begins.
         """
         states = self.given.launches[lane].copy()
         later = np.flatnonzero(flight > 0)
@@ -130,6 +126,8 @@ class _Flights:
         turned = within_a_turn(phi + omega * time)
         lowest = self.given.take(lane).resting_heights(x + u * time, turned)
         y = np.where(lands, lowest, end["y"]) - (v - 0.5 * self.gravity[lane] * time) * time
+        if self.feel_air:
+            y = self.given.take(lane).resting_heights(x, within_a_turn(phi))
         states[later] = np.column_stack([x, y, phi, u, v, omega])
         return states
 
@@ -153,25 +151,12 @@ def _kinetic(given: Scenes, lane: Indices, states: Floats) -> Floats:
     return kinetic
 
 
-def _from_the_launch(given: Scenes, x: Floats, settings: Settings) -> tuple[Bools, Floats, Floats]:
-    """Return which descents come to places x [m], their states there, shape (M, 6), and kinetic energies [J].
-
-    Each is followed up to there from its launch: with air no closed form tells where it is in flight.
-    """
-    behind = given.launches[:, 0] >= x  # where it begins
-    outcomes = follow(given, x, False, settings.limits)
-    states = np.column_stack([outcomes[name] for name in State._fields])
-    states[behind] = given.launches[behind]
-    kinetic = np.where(behind, _kinetic(given, np.arange(len(x)), states), outcomes["kinetic"])
-    return behind | (outcomes["status"] == FINISH), states, kinetic
-
-
-def _in_contact(
+def _followed(
     given: Scenes, flights: _Flights, lane: Indices, place: Indices, x: Floats, settings: Settings
 ) -> tuple[Floats, Floats]:
-    """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m] in contact."""
+    """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m], simulated again."""
     some, before = given.take(lane), given.take(lane)
-    before.launches[:] = flights.starts(lane, place // 2 - 1)
+    before.launches[:] = flights.starts(lane, (place - 1) // 2)
     outcomes = follow(before, x, False, replace(settings, max_rebounds=_AGAIN).limits)
     missed = np.flatnonzero(outcomes["status"] != FINISH)  # by rounding: the very same descent cannot
     outcomes[missed] = follow(some.take(missed), x[missed], False, settings.limits)
