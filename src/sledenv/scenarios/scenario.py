@@ -34,6 +34,7 @@ from sledenv.scenarios.sections import (
 )
 from sledenv.scenarios.terrain import Ground, placed, read_ground
 from sledenv.scenarios.tracks import TRACKS, Bumps, standard_normals
+from sledenv.simulation.bends import MOST_VERTICES
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import has_sharp_corner, warn_of_fine_ground
 from sledenv.simulation.grounds import Grounds
@@ -51,7 +52,6 @@ from sledenv.simulation.rules import (
     made,
 )
 from sledenv.simulation.scene import (
-    MOST_VERTICES,
     ContactLaw,
     Profile,
     Slope,

@@ -13,9 +13,10 @@ from pydantic import Field, StrictBool, StrictStr, ValidationInfo, field_validat
 
 from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
 from sledenv.scenarios.rocks import RockBody
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.bodies import Body, holds_its_mass_centre, least_eccentricity, segment
 from sledenv.simulation.records import MOST_ARCS
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, Profile, checked_profile
+from sledenv.simulation.scene import Profile, checked_profile
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.terrain import too_steep

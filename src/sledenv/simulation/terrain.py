@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sledenv.kernel.entries import run_directions
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.rules import STEEPNESS, Rule, checked, numbers_of, warn_user
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
 from sledenv.simulation.smoothing import fit_ground
-from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -138,7 +138,8 @@ def over_plane(points: Floats, angle_deg: float | None, reader: Reader) -> tuple
         reach = f"{name} runs from {x.min():g} to {x.max():g} m"
         raise ValueError(f"{reach}: must hold 0, where descents start; shift it so that it does")
     told = round(math.degrees(math.atan2(z[0] - z[-1], x[-1] - x[0])), 6) if angle_deg is None else angle_deg
-    (cosine,), (sine,) = directions(np.radians([told]))
+    cosine, sine = np.empty(1), np.empty(1)
+    run_directions(np.radians([told]), cosine, sine)
     over = np.flatnonzero((np.minimum(x[:-1], x[1:]) <= 0.0) & (np.maximum(x[:-1], x[1:]) >= 0.0))
     ends = points[over[0] : over[0] + 2]  # of the first piece over x = 0; of a vertical one the upper end is ground
     z = z - np.interp(0.0, *ends[np.argsort(ends[:, 0], kind="stable")].T)
