@@ -769,7 +769,8 @@ def _laid_out(content: Any) -> Any:
             vertices = np.array(profile if profile else [], np.float64).reshape(-1, 2)
         except (TypeError, ValueError):
             return content
-        ground = Ground(vertices, np.column_stack([vertices, np.zeros(len(vertices))]), 0.0, (), None)
+        sharp = np.column_stack([vertices, np.zeros(len(vertices))])
+        ground = Ground(vertices, sharp, 0.0, (), None, np.arange(len(vertices)))
     else:
         ground = _read(file, how, slope)
         slope["profile_m"] = ground.told[:, :2].tolist()
