@@ -13,7 +13,7 @@ import yaml
 
 from sledenv.scenarios.scenario import Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.terrain import read_ground
-from sledenv.simulation.scene import MOST_VERTICES
+from sledenv.simulation.bends import MOST_VERTICES
 from tests.scenarios.test_scenario import DELETE, changed
 
 SECTION = "x_m,z_m\n0,77.1\n10,67.9\n20,59.6\n30,51.9\n40,44.8\n50,38.1\n60,33.4\n70,31.3\n80,30.5\n"
@@ -220,6 +220,29 @@ def test_too_many_vertices_are_refused_with_the_tolerance_as_a_remedy(tmp_path: 
     few = read_ground(str(path), tolerance=0.01)
     assert len(few.told) < 200
     assert 0.0 < few.deviation <= 0.01
+
+
+def test_a_scenario_fills_up_what_is_too_steep_and_its_zones_stay_where_they_were(ground: Any) -> None:
+    """Oracle: by hand, over the level plane: a vertical toe of 2 m, whose foot is moved by 2 m / tan 80 degrees."""
+    text = "x_m,z_m,material\n0,5,rock\n10,4,face\n10,2,road\n20,2,grass\n40,1,\n"
+    zones = [{"pieces": [2, 2], "friction": 0.5}, {"material": "grass", "friction": 0.8}]
+    flat = {"slope__angle_deg": 0, "slope__length_m": DELETE}
+    assert "line 4: x_m = 10: is a vertical step from z_m = 4 in line 3 to 2 m" in refusal(ground, text, **flat)
+    with pytest.warns(
+        UserWarning, match=r"^slope.steepest_deg: 1 of 5 points are under what was filled up, 0.347 m from"
+    ):
+        scenario = ground(text, **flat, slope__steepest_deg=80, zones=zones)
+    foot = 10.0 + 2.0 / math.tan(math.radians(80.0))
+    expected = [(0.0, 0.0), (10.0, -1.0), (foot, -3.0), (20.0, -3.0), (40.0, -4.0)]
+    np.testing.assert_allclose(scenario.slope_section.profile_m, expected, atol=1e-6)
+    found = [(zone.begin_m[0], zone.end_m) for zone in scenario.zones]
+    np.testing.assert_allclose(found, [(foot, 20.0), (20.0, 40.0)], atol=1e-6)
+    with pytest.warns(UserWarning, match="1 of 5 points"):
+        told = refusal(ground, text, **flat, zones=[{"pieces": [4, 4], "friction": 1}], slope__steepest_deg=80)
+    assert (
+        told
+        == "zones.0.pieces = [4, 4]: must be a pair [first, last] of whole numbers in [0, 3], pieces of the profile"
+    )
 
 
 # Materials.

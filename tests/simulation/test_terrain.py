@@ -17,9 +17,10 @@ from sledenv.simulation.terrain import Reader, checked_section
 
 STEEPEST = math.radians(80.0)
 READER = Reader("points", lambda k: f"x[{k}]", ("x", "z"), "steepest")
-# A face, an overhang, a ledge under a roof, and a step that goes up.
+# An overhang, a step that goes up, a ledge under a roof, a fence with walls at both ends.
 OVERHANG = [(0, 20), (10, 20), (9, 18), (9, 12), (10, 10), (15, 8), (30, 8)]
 STEP = [(0, 0), (5, 0), (5, 6), (4, 9), (8, 9), (20, 10)]
+SPIKE = [(0, 3), (0, 1), (2, 1), (2, 4), (2, 0), (5, 0), (5, 2)]
 ROOF = [(0, 20), (10, 20), (5, 19.9), (5, 5), (30, 4)]
 
 
@@ -41,7 +42,7 @@ def wandering(seed: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("steepest", [STEEPEST, math.radians(60.0)])
-@pytest.mark.parametrize("surface", [OVERHANG, STEP, ROOF, *map(wandering, range(20))])
+@pytest.mark.parametrize("surface", [OVERHANG, STEP, ROOF, SPIKE, *map(wandering, range(20))])
 def test_what_is_too_steep_is_filled_by_the_lowest_ground_that_is_not(surface: Any, steepest: float) -> None:
     """Oracle: cones of the steepest face under every point of the surface."""
     points = np.array(surface, float)
@@ -144,6 +145,11 @@ def test_an_overhang_in_python_needs_a_word_and_gets_no_spike() -> None:
             r"steepest = 80.0: must be in \(0, 1.396",
         ),
         ({"x": [0.0, 1.0], "z": [1.0, 0.0], "angle": 2.0}, ValueError, "angle = 2.0: must be in "),
+        (
+            {"x": [1.0, 0.5, 0.0], "z": [1.0, 0.5, 0.0], "steepest": 1.0},
+            ValueError,
+            r"x\[1\]: x = 0.5: must be > 1 m, that of x\[0\]; .*: all of them run backwards",
+        ),
         (
             {"x": [0.0, 1.0, 1.1], "z": [1.0, 0.0, -9.0], "angle": 0.0},
             ValueError,

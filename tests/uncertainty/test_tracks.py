@@ -93,7 +93,7 @@ def test_a_study_of_a_ride_runs_resumes_and_reports(
     files = [path for path in (tmp_path / "runs" / "study" / "rollers").rglob("*") if path.is_file()]
     before = [path.read_bytes() for path in files]
     blocks = sorted(path for path in files if path.parent.name == "launches")
-    assert len(blocks) == 2
+    assert len(blocks) == 4
     blocks[1].unlink()
     assert main(command) == 0
     assert [path.read_bytes() for path in files] == before

@@ -19,11 +19,12 @@ from sledenv.pages.still import Still, still
 from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.jam import SHOWN
 from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST, ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import circular_segment, disc, polygon, rod
 from sledenv.simulation.simulate import simulate

@@ -9,7 +9,7 @@ from pydantic import model_validator
 
 from sledenv.scenarios.configuration import Document, Pair, Points, Quantity
 from sledenv.scenarios.sections import check_vertices
-from sledenv.simulation.scene import MOST_VERTICES
+from sledenv.simulation.bends import MOST_VERTICES
 
 
 class TrackError(ValueError):

@@ -32,6 +32,7 @@ from sledenv.scenarios.sections import (
 )
 from sledenv.scenarios.terrain import Ground, placed, read_ground
 from sledenv.scenarios.tracks import TRACKS, Bumps, standard_normals
+from sledenv.simulation.bends import MOST_VERTICES
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import has_sharp_corner, warn_of_fine_ground
 from sledenv.simulation.grounds import Grounds
@@ -49,7 +50,6 @@ from sledenv.simulation.rules import (
     made,
 )
 from sledenv.simulation.scene import (
-    MOST_VERTICES,
     ContactLaw,
     Profile,
     Slope,
@@ -773,7 +773,8 @@ def _laid_out(content: Any) -> Any:
             vertices = np.array(profile if profile else [], np.float64).reshape(-1, 2)
         except (TypeError, ValueError):
             return content
-        ground = Ground(vertices, np.column_stack([vertices, np.zeros(len(vertices))]), 0.0, (), None)
+        sharp = np.column_stack([vertices, np.zeros(len(vertices))])
+        ground = Ground(vertices, sharp, 0.0, (), None, np.arange(len(vertices)))
     else:
         ground = _read(file, how, slope)
         slope["profile_m"] = ground.told[:, :2].tolist()

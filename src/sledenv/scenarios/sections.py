@@ -12,7 +12,8 @@ import numpy as np
 from pydantic import StrictBool, StrictStr, ValidationInfo, field_validator, model_validator
 
 from sledenv.scenarios.configuration import Bounds, OneOrSeveral, Pair, Points, Quantity, Range, Section, Whole
-from sledenv.simulation.scene import AIR_DENSITY, MOST_VERTICES, STEEPEST, Profile, checked_profile
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
+from sledenv.simulation.scene import AIR_DENSITY, Profile, checked_profile
 from sledenv.simulation.terrain import too_steep
 
 BOTH: Final = ("orientation", "spin")  # what the word "both" lets an agent choose

@@ -49,6 +49,7 @@ class Ground(NamedTuple):
     deviation: float  # [m] most that a vertex of the file has moved by that, along the normal of the plane
     materials: tuple[str, ...]  # of the piece behind each vertex, "" where none is named; () without the column
     angle_deg: float | None  # of the plane, where the file is a section of terrain
+    numbers: NDArray[np.intp]  # of the piece of the file behind each vertex, shape (n,)
 
 
 def read_ground(
@@ -88,7 +89,7 @@ def read_ground(
     x, y = section.vertices.T
     deviation = 0.0 if tolerance is None else float(np.abs(height_of(fit, x) - y).max())
     materials = tuple(rows.materials[k] for k in section.pieces) if rows.materials else ()
-    return Ground(section.vertices, fit, deviation, materials, told)
+    return Ground(section.vertices, fit, deviation, materials, told, section.pieces)
 
 
 def read_rows(path: str) -> Rows:
@@ -203,14 +204,17 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
 
 
 def _pieces(value: Any, k: int, ground: Ground) -> tuple[int, int]:
-    most = len(ground.vertices) - 2
-    if most < 0:
+    if not len(ground.numbers):
         raise ValueError(f"zones.{k}.pieces = {value!r}: must be left out: the slope has no profile")
+    most = int(ground.numbers[-1]) - 1
     whole = isinstance(value, list | tuple) and all(type(number) is int for number in value) and len(value) == 2
     if not whole or not 0 <= value[0] <= value[1] <= most:
         allowed = f"a pair [first, last] of whole numbers in [0, {most}], pieces of the profile"
         raise ValueError(f"zones.{k}.pieces = {value!r}: must be {allowed}")
-    return value[0], value[1]
+    found = np.flatnonzero((ground.numbers >= value[0]) & (ground.numbers <= value[1]))
+    if not found.size:
+        raise ValueError(f"zones.{k}.pieces = {value!r}: all of them are under what slope.steepest_deg filled up")
+    return int(found[0]), int(found[-1])
 
 
 def _runs(name: Any, k: int, ground: Ground) -> list[tuple[int, int]]:

@@ -14,6 +14,8 @@ from numpy.typing import ArrayLike, NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
 
+MOST_VERTICES: Final = 16384
+STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
 LARGEST_SHARE: Final = 0.49  # of a straight piece that the bend at one of its ends may take
 
 

@@ -11,8 +11,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.simulation.bends import Pieces, half_turns, longest, pieces_of
-from sledenv.simulation.scene import STEEPEST
+from sledenv.simulation.bends import STEEPEST, Pieces, half_turns, longest, pieces_of
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel import params
 from sledenv.kernel.ground import MOST_ZONES
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.grounds import heights_on, pieces_of
 from sledenv.simulation.rules import (
     CLOSED_FRACTION,
@@ -25,13 +26,12 @@ from sledenv.simulation.rules import (
     made,
     numbers_of,
 )
+from sledenv.simulation.terrain import ground_of
 
 Floats = NDArray[np.float64]
 Profile = tuple[tuple[float, float, float], ...]  # vertices x, y and the radii with which they are rounded [m]
 
-MOST_VERTICES: Final = 16384
 AIR_DENSITY: Final = 1.2  # [kg/m^3] at sea level and some 20 degrees
-STEEPEST: Final = math.radians(80.0)  # of a piece, to the plane
 STRAIGHT: Final = 1e-13  # sine of the turn of a vertex that is none, if rounding of its place makes no larger one
 _ROUNDED: Final = 4.0 * 2.0**-52  # of the coordinates
 
@@ -431,8 +431,6 @@ class Slope(Checked, _SlopeFields):
         >>> round(math.degrees(slope.angle), 1), round(slope.length, 1), float(slope.height_at(slope.length).round(3))
         (18.4, 63.2, 0.0)
         """
-        from sledenv.simulation.terrain import ground_of  # which stands on this module
-
         found = ground_of(x, z, angle, tolerance, steepest)
         end = float(found.vertices[-1, 0]) if length is None else length
         return cls(found.angle, end, gravity, zones, found.told[:, :2], found.told[:, 2], air_density)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.simulation.bends import cosines, half_turns, longest, norms, tangents
+from sledenv.simulation.bends import STEEPEST, cosines, half_turns, longest, norms, tangents
 from sledenv.simulation.refitting import (
     SPARE,
     Bools,
@@ -22,7 +22,6 @@ from sledenv.simulation.refitting import (
     refitted,
     surveyed,
 )
-from sledenv.simulation.scene import STEEPEST
 
 _ROUNDING: Final = 1e-9  # of the tolerance: kept for rounding
 _FIRST_SHARE: Final = 0.5  # of the tolerance, with which the first vertices are points of the section

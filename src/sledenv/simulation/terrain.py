@@ -10,10 +10,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from sledenv.kernel.entries import run_directions
+from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.rules import STEEPNESS, Rule, checked, numbers_of, warn_user
-from sledenv.simulation.scene import MOST_VERTICES, STEEPEST
 from sledenv.simulation.smoothing import fit_ground
-from sledenv.simulation.support import directions
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.intp]
@@ -138,7 +138,8 @@ def over_plane(points: Floats, angle_deg: float | None, reader: Reader) -> tuple
         reach = f"{name} runs from {x.min():g} to {x.max():g} m"
         raise ValueError(f"{reach}: must hold 0, where descents start; shift it so that it does")
     told = round(math.degrees(math.atan2(z[0] - z[-1], x[-1] - x[0])), 6) if angle_deg is None else angle_deg
-    (cosine,), (sine,) = directions(np.radians([told]))
+    cosine, sine = np.empty(1), np.empty(1)
+    run_directions(np.radians([told]), cosine, sine)
     over = np.flatnonzero((np.minimum(x[:-1], x[1:]) <= 0.0) & (np.maximum(x[:-1], x[1:]) >= 0.0))
     ends = points[over[0] : over[0] + 2]  # of the first piece over x = 0; of a vertical one the upper end is ground
     z = z - np.interp(0.0, *ends[np.argsort(ends[:, 0], kind="stable")].T)
@@ -165,7 +166,7 @@ def checked_section(given: Floats, vertices: Floats, reader: Reader, steepest: f
     ValueError
         Naming a point that is not in the order of x, or behind a piece that is too steep, if ``steepest`` is None.
     """
-    if steepest is not None:
+    if steepest is not None and (np.diff(given[:, 0]) > 0.0).any():
         section = _filled(vertices, math.tan(steepest))
         if section.moved:
             filled = f"{section.moved} of {len(vertices)} points are under what was filled up"
@@ -223,16 +224,32 @@ def _filled(points: Floats, steepest: float) -> Section:
     if ((along > 0.0) & (np.abs(up) <= steepest * along)).all():
         return Section(points, np.arange(len(points)), 0, 0.0)
     last, steepest = len(points) - 2, steepest * (1.0 - _SPARE)
-    pieces = _raised(_from_above(points), steepest, last)
+    pieces = _raised(_from_above(_snapped(points)), steepest, last)
     pieces = _mirrored(_raised(_mirrored(pieces, last), steepest, last), last)
+    pieces = [piece for piece in pieces if piece.end_x > piece.x]
     vertices = np.array([*(piece[:2] for piece in pieces), pieces[-1][2:4]])
     numbers = np.array([*(piece.number for piece in pieces), last + 1])
-    under = points[np.interp(points[:, 0], *vertices.T) - points[:, 1] > _MOVED]
-    return Section(vertices, numbers, len(under), max((_distance(point, vertices) for point in under), default=0.0))
+    depths = np.interp(points[:, 0], *vertices.T) - points[:, 1]
+    under = np.flatnonzero(depths > _MOVED)
+    distances = [_distance(points[k], depths[k], vertices) for k in under]
+    return Section(vertices, numbers, len(under), max(distances, default=0.0))
+
+
+def _snapped(points: Floats) -> Floats:
+    """Return points, shape (n, 2), of which none is next to another along x by less than a fill may be wide."""
+    order = np.argsort(points[:, 0], kind="stable")
+    x = points[order, 0]
+    firsts = np.maximum.accumulate(np.where(np.diff(x, prepend=-math.inf) > _LEAST, np.arange(len(x)), 0))
+    snapped = points.copy()
+    snapped[order, 0] = x[firsts]
+    return snapped
 
 
 def _from_above(points: Floats) -> list[_Piece]:
-    """Return what is seen of a surface, shape (n, 2), from above; where a piece begins, the ground may jump."""
+    """Return what is seen of a surface, shape (n, 2), from above; where a piece begins, the ground may jump.
+
+    A point that is higher than the pieces to both of its sides is a piece without length.
+    """
     x = np.unique(points[:, 0])
     middle = 0.5 * (x[:-1] + x[1:])
     highest, seen = np.full(len(middle), -math.inf), np.zeros(len(middle), np.intp)
@@ -242,14 +259,24 @@ def _from_above(points: Floats) -> list[_Piece]:
         heights = np.interp(middle[part], *ends.T)
         over = heights > highest[part]
         highest[part][over], seen[part][over] = heights[over], k
+    order = np.lexsort(points.T[::-1])  # by x, then by y: the last one of each x is the highest
+    tops = order[np.searchsorted(points[order, 0], x, side="right") - 1]
     pieces: list[_Piece] = []
-    for begin, end, k in zip(x.tolist(), x[1:].tolist(), seen.tolist(), strict=False):
+
+    def stand(place: float, top: int, *sides: float) -> None:
+        height = float(points[top, 1])
+        if height > max(sides):
+            pieces.append(_Piece(place, height, place, height, min(top, len(points) - 2)))
+
+    for begin, end, k, top in zip(x.tolist(), x[1:].tolist(), seen.tolist(), tops.tolist(), strict=False):
         ends = np.array(sorted(points[k : k + 2].tolist()))
         first, last = np.interp([begin, end], *ends.T).tolist()
+        stand(begin, top, first, *(piece.end_y for piece in pieces[-1:]))
         if pieces and pieces[-1].number == k:
             pieces[-1] = pieces[-1]._replace(end_x=end, end_y=last)
         else:
             pieces.append(_Piece(begin, first, end, last, k))
+    stand(float(x[-1]), int(tops[-1]), pieces[-1].end_y)
     return pieces
 
 
@@ -260,6 +287,11 @@ def _raised(pieces: list[_Piece], steepest: float, last: int) -> list[_Piece]:
     for piece in pieces:
         x, y, end_x, end_y, number = piece
         height = done[-1].end_y if done else y
+        if end_x == x:
+            if y > height or not done:
+                done.append(piece)
+                face = None
+            continue
         if height <= y:  # a step up is left to the mirror image
             height, face = y, None
         elif face is None:
@@ -289,8 +321,10 @@ def _mirrored(pieces: list[_Piece], last: int) -> list[_Piece]:
     return [_Piece(-end_x, end_y, -x, y, last - number) for x, y, end_x, end_y, number in reversed(pieces)]
 
 
-def _distance(point: Floats, vertices: Floats) -> float:
-    """Distance [m] of a point from ground."""
+def _distance(point: Floats, depth: float, vertices: Floats) -> float:
+    """Distance [m] of a point from ground that it is under by some depth [m]."""
+    first, last = np.searchsorted(vertices[:, 0], [point[0] - depth, point[0] + depth])
+    vertices = vertices[max(first - 1, 0) : last + 1]
     along, to = np.diff(vertices, axis=0), point - vertices[:-1]
     share = np.clip((to * along).sum(axis=1) / (along * along).sum(axis=1), 0.0, 1.0)
     return float(np.hypot(*(to - share[:, np.newaxis] * along).T).min())

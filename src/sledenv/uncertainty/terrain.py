@@ -14,8 +14,8 @@ from pydantic import BeforeValidator, ValidationInfo, model_validator
 
 from sledenv.scenarios.configuration import Quantity, Section
 from sledenv.scenarios.terrain import MATERIAL, TERRAIN, read_rows
+from sledenv.simulation.bends import MOST_VERTICES
 from sledenv.simulation.records import MOST_ZONES
-from sledenv.simulation.scene import MOST_VERTICES
 from sledenv.simulation.terrain import Reader, checked_section
 
 Floats = NDArray[np.float64]
