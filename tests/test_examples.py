@@ -17,7 +17,7 @@ from docs.draw import run
 from sledenv import Scenario, load_scenario, load_study
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
-from sledenv.scenarios import sections
+from sledenv.scenarios import bodies, sections
 from sledenv.scenarios.configuration import Section
 
 ROOT = Path(__file__).parents[1]
@@ -104,7 +104,8 @@ def test_the_scenario_of_the_page_on_tracks_draws_bumps(tmp_path):
 def test_the_pages_on_scenarios_name_every_key():
     """Oracle: the fields of the sections."""
     page = "".join((ROOT / f"docs/{name}.md").read_text(encoding="utf-8") for name in ("scenarios", "track"))
-    kinds = [kind for kind in vars(sections).values() if isinstance(kind, type) and issubclass(kind, Section)]
+    named = [*vars(sections).values(), *vars(bodies).values()]
+    kinds = [kind for kind in named if isinstance(kind, type) and issubclass(kind, Section)]
     keys = {field.alias or name for kind in [Scenario, *kinds] for name, field in kind.model_fields.items()}
     assert {"friction", "kind", "slope"} <= keys
     assert [key for key in sorted(keys) if f"`{key}`" not in page] == []

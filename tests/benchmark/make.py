@@ -61,6 +61,7 @@ def descents(
             "loss_hysteresis": 200.0,
             "loss_sliding": 100.0,
             "loss_rolling": 50.0,
+            "loss_drag": 0.0,
             "rebounds": 9,
             "time": 3.0,
             "action_0": np.linspace(-0.9, 0.9, len(rewards)),

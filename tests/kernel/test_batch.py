@@ -111,7 +111,7 @@ def test_each_lane_may_have_a_body_of_its_own(solver: Any, of_lanes: list[Segmen
         patch.setenv("NUMBA_NUM_THREADS", "1")
         batch = simulate_batch(of_lanes, laws, SLOPE, states, Settings(**options), keep_rebounds=True)
         patch.setenv("NUMBA_NUM_THREADS", "2")
-        rows = np.array([[getattr(body, name) for name in Segment.fields] for body in of_lanes])
+        rows = np.array([[getattr(body, name) for name in Segment.fields[:-1]] for body in of_lanes])
         records = np.concatenate([body.record for body in of_lanes])
         for same in (rows, records):
             same_bits(simulate_batch(same, laws, SLOPE, states, Settings(**options)).outcomes, batch.outcomes)

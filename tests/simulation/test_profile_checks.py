@@ -38,7 +38,7 @@ def test_what_is_checked_has_the_vertices() -> None:
     """Oracle: those of the slope; none on a plane."""
     assert vertices_in(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).scenes) == [list(HILL.ground)]
     assert vertices_in(checked_descent(DISC, LAW, Slope(0.1), LAUNCH, Settings()).scenes) == [[]]
-    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.row] * 2), HILL.ground)]
+    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.incline] * 2), HILL.ground)]
     for slopes in ways:
         scenes = checked_scenes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
         assert vertices_in(scenes) == [list(HILL.ground)] * 2

@@ -70,6 +70,7 @@ slopes = st.builds(
     st.just(()),
     st.just(()),
     st.just(0.0),
+    st.sampled_from([1.2, 0.0]),
 )
 velocities = st.one_of(st.just(0.0), rounded(-5.0, 5.0))
 spins = st.one_of(st.just(0.0), rounded(-20.0, 20.0), rounded(-200.0, 200.0))
@@ -461,7 +462,7 @@ def check_scenario(name: str, count: int, seed: int) -> None:
     proper = {Status.FINISH, Status.JAMMED, Status.TUMBLED, Status.TIMEOUT, Status.LOG_FULL}
     assert set(batch.status.tolist()) <= proper
     assert np.isfinite(batch.states).all()
-    losses = ends["hysteresis"] + ends["sliding"] + ends["rolling"]
+    losses = ends["hysteresis"] + ends["sliding"] + ends["rolling"] + ends["drag"]
     residual = ends["kinetic"] + ends["potential"] + ends["stored"] + losses - ends["initial"]
     scale = np.abs(ends["initial"]) + np.abs(ends["potential"]) + losses
     assert (np.abs(residual) <= 1e-10 * scale).all()
@@ -723,10 +724,10 @@ BAD_BATCHES: list[tuple[str, Any, type[Exception], str]] = [
     ("slope", [INCLINE, ("steep", 1.0, 9.81)], T, "slope holds <U"),
     ("slope", [INCLINE, INCLINE[:2]], T, "slope = [(0.2, 10.0, 9.81), (0.2, 10.0)]: must be numbers, columns angle"),
     ("slope", [INCLINE, 3], T, "slope = [(0.2, 10.0, 9.81), 3]: must be numbers, columns angle, length, gravity"),
-    ("slope", [INCLINE, tuple(INCLINE)], T, "(0.2, 10.0, 9.81, (), (), ())]: must be numbers, columns angle"),
+    ("slope", [INCLINE, tuple(INCLINE)], T, "(0.2, 10.0, 9.81, (), (), (), ...)]: must be numbers, columns angle"),
     ("slope", np.zeros((2, 4)), V, "slope has shape (2, 4): must be (N, 3), columns angle, length, gravity"),
     ("slope", np.zeros((2, 11)), V, "slope has shape (2, 11): must be (N, 10), columns angle, length, gravity"),
-    ("slope", np.tile(zoned(*[math.nan] * 63), (2, 1)), V, "slope has columns of 9 zones"),
+    ("slope", np.tile(zoned(*[math.nan] * 455), (2, 1)), V, "slope has columns of 65 zones"),
     *(
         ("slope", [INCLINE, zoned(*numbers)], V, f"slope[1].zones[{which}].{message}")
         for numbers, which, message in (

@@ -167,7 +167,7 @@ def _exaggeration(extents: Sequence[np.ndarray], size: float) -> float:
     """
     across = max(float(np.ptp(extent[:, 0])) for extent in extents)
     upwards = max(float(np.ptp(extent[:, 1])) for extent in extents) + 2.0 * size
-    wanted = _SEEN * across / size if across > _LONG * size > 0.0 else 1.0  # a point has no size
+    wanted = _SEEN * across / size if across > _LONG * size and size > 0.0 else 1.0  # a point has no size
     fitting = [tall for tall in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0) if tall * upwards <= across * _HIGH / _WIDE]
     return next((tall for tall in fitting if tall >= wanted), max(fitting, default=1.0))
 

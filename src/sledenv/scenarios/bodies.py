@@ -27,6 +27,7 @@ _GYRATION: Final = 0.8  # moment of inertia of an ellipsoid over that of an elli
 class BodySection(Section):
     """What all bodies have."""
 
+    kind: str
     drag_area_m2: Annotated[float, Quantity("[0, inf) m^2")] = 0.0  # c_d A: docs/physics.md, 9.2
 
     @abstractmethod
