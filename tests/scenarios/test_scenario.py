@@ -184,7 +184,10 @@ def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: s
             "slope__angle_rad",
             "slope.angle_rad = 1: unknown key (did you mean 'angle_deg'?); known: angle_deg, length_m,",
         ),
-        ("body__mass_g", "body.mass_g = 1: unknown key (did you mean 'mass_kg'?); known: kind, drag_area_m2, mass_kg, "),
+        (
+            "body__mass_g",
+            "body.mass_g = 1: unknown key (did you mean 'mass_kg'?); known: kind, drag_area_m2, mass_kg, ",
+        ),
         ("contact__restituton", "contact.restituton = 1: unknown key (did you mean 'restitution'?)"),
         ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, question,"),
         ("slope__zzz", "slope.zzz = 1: unknown key; known: angle_deg, length_m, gravity_m_s2"),
@@ -456,7 +459,10 @@ def cornered(*points: Any) -> dict[str, Any]:
         (CUSTOM | {"half_angle_deg": 60}, f"body: eccentricity_m = 0.1: {LEAST}"),
         (SLED | {"bow_radius_m": 0}, "body.bow_radius_m = 0: must be a number in [1e-50, 1e+50] m"),
         (SLED | {"balance": 1}, "body.balance = 1: must be a number in (-1, 1)"),
-        (POLYGON | {"radius_m": 1}, "body.radius_m = 1: unknown key; known: kind, drag_area_m2, mass_kg, inertia_kg_m2, centre_m, "),
+        (
+            POLYGON | {"radius_m": 1},
+            "body.radius_m = 1: unknown key; known: kind, drag_area_m2, mass_kg, inertia_kg_m2, centre_m, ",
+        ),
         (POLYGON | {"inertia_kg_m2": 0}, "body.inertia_kg_m2 = 0: must be a number in [1e-250, 1e+150] kg m^2"),
         (POLYGON | {"centre_m": [1]}, "body.centre_m = [1]: must be a pair [x, y] of numbers in [-1e+50, 1e+50] m"),
         (POLYGON | {"centre_m": [0.1, 0.1]}, "body: inertia_kg_m2 = None: must be given where centre_m is"),

@@ -152,8 +152,7 @@ class PolygonBody(OutlinedBody):
 
     def build(self) -> Body:
         """Return the body of the simulator."""
-        names = self.parts, self.sides
-        return polygon(self.mass_kg, self.points_m, self.rounding_m, *names, *self._weight)
+        return polygon(self.mass_kg, self.points_m, self.rounding_m, self.parts, self.sides, *self._weight)
 
 
 class HullBody(OutlinedBody):

@@ -605,7 +605,7 @@ class Scenario(Document):
         return Given(
             self.all_bodies()[int(scenes.rows["body"][0])],
             ContactLaw(*law),
-            Slope(*slope[:3], zones, profile, rounding, slope[3]),
+            Slope(slope[0], slope[1], slope[2], zones, profile, rounding, slope[3]),
             State(*scenes.launches[0].tolist()),
         )
 

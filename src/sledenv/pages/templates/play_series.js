@@ -225,7 +225,7 @@ function energiesOf({ rows, rebounds, scene: { body, law, slope } }) {
   const moving = each((i) => layers.translation[i] + layers.rotation[i]);
   const lost = lossesOf(rows, springs, rebounds, moving);
   D.losses.forEach((name, c) => (layers[`lost by ${name}`] = lost[c]));
-  for (const name of D.flight_losses.filter((one) => rows[one].some((lost) => lost > 0)))
+  for (const name of D.flight_losses.filter((one) => rows[one].some((energy) => energy > 0)))
     layers[`lost by ${name}`] = rows[name];
   return layers;
 }
