@@ -87,7 +87,7 @@ def _body(rng: np.random.Generator) -> Body:
 
 def _case(rng: np.random.Generator) -> tuple[Body, ContactLaw, Slope, State, Settings]:
     """A random descent."""
-    body = _body(rng)
+    body = _body(rng).replace(drag_area=rng.choice([0.0, 10.0 ** rng.uniform(-3.0, 1.0)]))
     arm = rng.choice([0.0, 1e-3, 1e-2])
     friction = rng.choice([0.0, rng.uniform(0.0, 0.8)])
     law = ContactLaw(10.0 ** rng.uniform(4.0, 7.5), rng.uniform(0.0, 0.95), friction, arm)
