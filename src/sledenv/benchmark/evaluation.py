@@ -214,7 +214,7 @@ def evaluate(
     ...     return np.zeros((len(observations), 1))
     >>> sledenv.evaluate(still, "sled_rollers", contexts=200)
     still, 200 test contexts of sled_rollers; 95 % intervals
-    ratio        0.674 [0.624, 0.723] to 0.843 of replan, 33 and 5 spins and a critic
+    ratio        0.674 [0.624, 0.721] to 0.842 of replan, 33 and 5 spins
     mean reward  0.568 [0.524, 0.610]
     falls        44.0% [37.3, 50.9]
     finished     56.0%
