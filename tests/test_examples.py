@@ -9,6 +9,7 @@ from typing import Any, get_args
 import numpy as np
 import pytest
 import torch
+import yaml
 from PIL import Image
 
 import sledenv
@@ -109,6 +110,24 @@ def test_the_pages_on_scenarios_name_every_key():
     keys = {field.alias or name for kind in [Scenario, *kinds] for name, field in kind.model_fields.items()}
     assert {"friction", "kind", "slope"} <= keys
     assert [key for key in sorted(keys) if f"`{key}`" not in page] == []
+
+
+def test_the_page_for_engineers_tells_what_comes_out(tmp_path, monkeypatch):
+    """Oracle: the numbers on the page, of its own files."""
+    monkeypatch.chdir(tmp_path)
+    (survey,) = blocks("docs/engineer.md")
+    run([survey])
+    scenario, study = blocks("docs/engineer.md", "yaml")
+    Path("sled.yaml").write_text(scenario, encoding="utf-8")
+    measured = load_scenario("sled.yaml")
+    descent = sledenv.simulate(*measured.given(measured.sample(np.random.default_rng(0))), measured.settings())
+    page = (ROOT / "docs/engineer.md").read_text(encoding="utf-8")
+    assert f"finish after {descent.time:.4f} s" in page
+    assert f"drag             {descent.energy.drag:.6f}" in page
+    content = yaml.safe_load(study)
+    content["body"] = yaml.safe_load(scenario)["body"] | content["body"]
+    Path("study.yaml").write_text(yaml.safe_dump(content), encoding="utf-8")
+    assert load_study("study.yaml").base.slope_section.length_m == 400.0
 
 
 def test_the_page_on_environments_runs(tmp_path, monkeypatch, capsys):
