@@ -410,3 +410,22 @@ def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:
     figure.draw_without_rendering()
     (left, bottom), (right, top) = ax.transData.transform([(0.0, 1204.0), (10.0, 1214.0)])
     assert ax.get_ylabel() == f"elevation [m]\nvertical exaggeration {(top - bottom) / (right - left):.2g}"
+
+
+def test_a_section_may_be_told_by_few_pieces_and_arcs() -> None:
+    """Oracle: the points themselves, from which the ground is at most as far as it may be; materials stay in place."""
+    x = np.linspace(0.0, 100.0, 201)
+    z = 40.0 - 0.3 * x + np.sin(x / 9.0)
+    points = [[a, b, "rock" if a < 50.0 else "soil"] for a, b in zip(x.tolist(), z.tolist(), strict=True)]
+    study = hill(terrain={"section": points, "tolerance_m": 0.02}, stations_m=[20, 60, 100])
+    scenes = study.scenes(study.values(run.draws(study)[:4]))
+    slope = lane_of(scenes, 0).slope
+    assert len(slope.profile) < 30
+    assert (np.array(slope.rounding) > 0.0).any()
+    assert np.abs(slope.height_at(x) - (z - z[-1])).max() <= 0.0201
+    corners = hill(terrain={"section": points}, stations_m=[20, 60, 100])
+    assert len(lane_of(corners.scenes(corners.values(run.draws(corners)[:4])), 0).slope.profile) == 201
+    assert [zone.begin for zone in slope.zones] == [
+        zone.begin for zone in lane_of(corners.scenes(corners.values(run.draws(corners)[:4])), 0).slope.zones
+    ]
+    assert study.key != corners.key

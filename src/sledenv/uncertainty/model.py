@@ -331,7 +331,8 @@ class Study(Document):
             for field in fields if around is not None else ():
                 of_law = field == "restitution"
                 scenes.rows["asymmetry" if of_law else field] = asymmetry_of(around) if of_law else around
-        ground = Grounds.of((vertices_of(checked_profile(terrain.vertices)),))
+        told = terrain.vertices
+        ground = Grounds.of((vertices_of(checked_profile(told[:, :2], told[:, 2])),))
         scenes.rows["ground"], scenes.rows["ground_end"] = ground.places.T
         return scenes._replace(pieces=ground.pieces, zones=zones.reshape(-1, len(Zone._fields)))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple, Self
 
@@ -16,7 +17,7 @@ from sledenv.scenarios.configuration import Quantity, Section
 from sledenv.scenarios.terrain import MATERIAL, TERRAIN, read_rows
 from sledenv.simulation.bends import MOST_VERTICES
 from sledenv.simulation.records import MOST_ZONES
-from sledenv.simulation.terrain import Reader, checked_section
+from sledenv.simulation.terrain import Reader, checked_section, fitted
 
 Floats = NDArray[np.float64]
 
@@ -82,6 +83,8 @@ class TerrainSection(Section):
     """The hillside."""
 
     steepest_deg: Annotated[float | None, Quantity("(0, 80] deg")] = None  # up to which steep faces are filled up
+    # Few straight pieces and arcs may tell the ground, and differ from the points by at most this.
+    tolerance_m: Annotated[float | None, Quantity("(0, inf) m")] = None
     section: Annotated[tuple[Place, ...], BeforeValidator(_checked)]
 
     @property
@@ -121,15 +124,24 @@ class TerrainSection(Section):
 
     @property
     def vertices(self) -> Floats:
-        """Points x and height over the last point [m], shape (n, 2)."""
-        return self.points - (0.0, self.section[-1].z)
+        """Vertices x and height over the last point, and the radii of their bends [m], shape (m, 3)."""
+        return _ground(self)
 
     @model_validator(mode="after")
     def _zones_fit(self) -> Self:
         if len(self.zones) > MOST_ZONES:
             made = f"the materials make {len(self.zones)} runs beside those of the commonest, {self.commonest}"
             raise ValueError(f"{made}: must be at most {MOST_ZONES}; join short ones with their neighbours")
+        try:
+            _ground(self)
+        except ValueError as error:
+            raise ValueError(f"section {error}") from error
         return self
+
+
+@lru_cache
+def _ground(terrain: TerrainSection) -> Floats:
+    return fitted(terrain.points - (0.0, terrain.section[-1].z), terrain.tolerance_m, "terrain.tolerance_m")
 
 
 class MaterialSection(Section):
