@@ -71,8 +71,8 @@ def problems(content: Any) -> list[str]:
 
 SLED = {"kind": "sled"}
 POLYGON = {"kind": "polygon", "mass_kg": 2, "points_m": [[0, 0], [0.4, 0], [0.3, 0.3], [0, 0.3]]}
-POINTS = "must be a list of 3 to 1000 pairs [x, y] of numbers in [-1e+50, 1e+50] m"
-CIRCLES = "must be a list of 1 to 1000 triples [x, y, radius] of numbers in [-1e+50, 1e+50] m"
+POINTS = "must be a list of 3 to 200 pairs [x, y] of numbers in [-1e+50, 1e+50] m"
+CIRCLES = "must be a list of 1 to 200 triples [x, y, radius] of numbers in [-1e+50, 1e+50] m"
 HULL = {"kind": "hull", "mass_kg": 2, "circles_m": [[0, 0, 0.1], [0.6, 0.1, 0.05], [0.2, 0.4, 0]]}
 MEASURED = {"inertia_kg_m2": 0.3, "centre_m": [0.25, 0.125]}
 

@@ -280,3 +280,12 @@ def test_more_zones_than_there_may_be_are_told(ground: Any) -> None:
         "zones: the materials make 70 zones, one behind the other: must be at most 64; let the commonest be that of "
         "the contact, without a zone, or join pieces"
     )
+
+
+def test_numbers_name_materials_in_scenarios_too(ground: Any) -> None:
+    """As in studies; what YAML reads as a truth value is told."""
+    rows = "x_m,y_m,material\n0,0.1,8\n1,0,9\n2,0.1,\n"
+    found = ground(rows, zones=[{"material": 8, "friction": 0.5}]).zones
+    assert [(zone.begin_m[0], zone.end_m) for zone in found] == [(0, 1)]
+    told = refusal(ground, rows, zones=[{"material": False, "friction": 0.5}])
+    assert told == "zones.0.material = False: must be one of 8, 9"

@@ -429,3 +429,48 @@ def test_a_section_may_be_told_by_few_pieces_and_arcs() -> None:
         zone.begin for zone in lane_of(corners.scenes(corners.values(run.draws(corners)[:4])), 0).slope.zones
     ]
     assert study.key != corners.key
+
+
+def _sleds(start: float, orientation: float, friction: float) -> Study:
+    """Long bodies that feel the air, on level ground."""
+    body = {"kind": "polygon", "mass_kg": 100, "points_m": [[-0.9, 0], [0.9, 0], [0.9, 0.3], [-0.9, 0.3]]}
+    ice = {"restitution": 0.2, "friction": friction, "rolling_arm_m": 0.001, "stiffness_n_m": 1e6}
+    return hill(
+        terrain={"section": [[0, 2, "ice"], [100, 1, "ice"]]},
+        materials={"ice": ice},
+        body=body | {"rounding_m": 0.01, "drag_area_m2": 0.08},
+        launch={"speed_m_s": {"kind": "uniform", "low": 2, "high": 4}, "drop_m": 0.1, "orientation_deg": orientation},
+        start_m=start,
+        stations_m=[0.5, 1, 1.5, 2, 3, 5, 10],
+    )
+
+
+def test_a_long_body_in_air_that_starts_at_the_begin_of_a_section_has_not_left_it() -> None:
+    """Oracle: its outcome; its tail touches behind the first point, its mass centre never is there."""
+    study = _sleds(0.0, 10.0, 0.001)
+    scenes = study.scenes(study.values(run.draws(study)[:20]))
+    found = descend_over(scenes, study.stations, study.base.settings())
+    assert (found.outcomes["status"] == FINISH).all()
+    assert not found.left_backwards.any()
+    assert np.isfinite(found.speed).all()
+
+
+@pytest.mark.parametrize("orientation", [-20.0, -45.0])
+def test_no_passage_is_told_of_a_place_behind_where_a_body_in_air_stops(orientation: float) -> None:
+    """Oracle: where its mass centre ends; the nose touches the ground far ahead of it."""
+    study = _sleds(0.0, orientation, 0.8)
+    scenes = study.scenes(study.values(run.draws(study)[:20]))
+    found = descend_over(scenes, study.stations, study.base.settings())
+    told = np.where(np.isfinite(found.speed), study.stations, -np.inf).max(axis=1)
+    assert (told < 10.0).all()
+    assert (told <= found.outcomes["x"] + 0.5).all()  # a body that rocks may have come a little further
+
+
+def test_a_section_may_be_of_many_materials(tmp_path: Path) -> None:
+    """They share colours, and the picture is drawn."""
+    points = [[10.0 * k, 120.0 - 5.0 * k, f"m{k % 12}"] for k in range(24)]
+    ground = {"restitution": 0.3, "friction": 0.5, "rolling_arm_m": 0.01, "stiffness_n_m": 1e6}
+    study = hill(terrain={"section": points}, materials={f"m{k}": ground for k in range(12)}, launches=40)
+    found = sledenv.study(study, tmp_path / "out")
+    assert (tmp_path / "out" / "envelopes.png").is_file()
+    assert found.words

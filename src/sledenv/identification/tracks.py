@@ -102,6 +102,9 @@ def identify_tracks(
     checked_choice("solver", solver, get_args(Solver))
     checked_choice("loss", loss, get_args(Loss))
     body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
+    if body.drag_area > 0.0:
+        wanted = "must be 0, fits know no air: body.replace(drag_area=0.0)"
+        raise ValueError(f"body.drag_area = {body.drag_area!r}: {wanted}")
     known = None
     if noise is not None:
         names = zip(Noise._fields, checked_pair("noise", noise), strict=True)

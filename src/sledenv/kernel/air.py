@@ -18,6 +18,8 @@ LOST, FOUND = 0.5, 2.0  # times that: where a step ends in which drag is felt, a
 @kernel
 def felt(slope: Incline, motion: np.void) -> Incline:
     """Return the slope without the air where its drag is too faint to be felt."""
+    if slope.drag == 0.0:
+        return slope
     square = motion["u"] * motion["u"] + motion["v"] * motion["v"]
     if slope.drag * square > FAINT * slope.gravity:
         return slope
@@ -35,16 +37,23 @@ def pulled(slope: Incline, motion: np.void) -> Incline:
 
 
 @kernel
+def _square_term(s: np.void, k: int) -> float:
+    """Term of order ``k`` of the square of the speed."""
+    u, v, total = s["u"], s["v"], 0.0
+    for i in range(k + 1):
+        total += u[i] * u[k - i] + v[i] * v[k - i]
+    return total
+
+
+@kernel
 def drag_term(s: np.void, k: int) -> tuple[float, float]:
     """Write terms of order ``k`` of the speed and its square; return those of speed times velocity, along x and y.
 
     The square of the speed is not zero: the recurrence of a root divides by the speed.
     """
-    u, v, speed, square = s["u"], s["v"], s["speed"], s["square"]
-    total = 0.0
-    for i in range(k + 1):
-        total += u[i] * u[k - i] + v[i] * v[k - i]
-    square[k] = total
+    u, v, speed = s["u"], s["v"], s["speed"]
+    total = _square_term(s, k)
+    s["square"][k] = total
     if k == 0:
         speed[0] = math.sqrt(total)
     else:
@@ -64,10 +73,7 @@ def write_margin(slope: Incline, is_felt: bool, s: np.void, poly: np.ndarray) ->
 
     A step ends there. The series of the speed would go on below zero where a body that moves along a line turns back.
     """
-    u, v, sign = s["u"], s["v"], 1.0 if is_felt else -1.0
+    sign = 1.0 if is_felt else -1.0
     for k in range(ORDER + 1):
-        total = 0.0
-        for i in range(k + 1):
-            total += u[i] * u[k - i] + v[i] * v[k - i]
-        poly[k] = sign * total
+        poly[k] = s["square"][k] if is_felt else -_square_term(s, k)
     poly[0] -= sign * (LOST if is_felt else FOUND) * FAINT * slope.gravity / slope.drag

@@ -169,10 +169,11 @@ def _longest_flight(pieces: np.ndarray, slope: Incline, motion: np.void, size: f
 
 
 @kernel
-def _find_event(body: np.void, pieces: np.ndarray, slope: Incline, limits: Limits, space: np.void) -> None:
-    """Find how long the step is, and what ends it."""
+def _find_event(
+    body: np.void, pieces: np.ndarray, slope: Incline, air: Incline, limits: Limits, space: np.void
+) -> None:
+    """Find how long the step is, and what ends it; ``air`` is the slope with the drag that is felt."""
     event, motion, size = space["event"], space["motion"], body["size"]
-    air = felt(slope, motion)
     longest = longest_step(body, air, limits.tolerance, space)
     left = limits.max_time - motion["t"]
     if space["contacts"]["count"] == 0:
@@ -363,8 +364,8 @@ def _step(
     if rigid and contacts["count"] == 1:
         load = space["series"]["of"][0]["normal"][0]
         if not 0.0 <= load <= most_normal(body, slope, space["rebound"]):
-            return strike(body, pieces, slope, limits, True, flight, log, space)
-    _find_event(body, pieces, slope, limits, space)
+            return strike(body, pieces, pull, limits, True, flight, log, space)
+    _find_event(body, pieces, slope, air, limits, space)
     if not event["time"] < math.inf:
         return NON_FINITE
     if contacts["count"] == 0 and _is_to_be_trimmed(limits, flight, space):

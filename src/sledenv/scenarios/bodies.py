@@ -16,7 +16,7 @@ from sledenv.simulation.outlines import Arc, hull_of_circles, mass_properties
 from sledenv.simulation.shapes import circular_segment, hull, lamina, polygon
 from sledenv.simulation.sleds import sled
 
-_ROWS: Final = 1000  # of an outline; how many arcs it may have is up to the simulator
+_ROWS: Final = 200  # of an outline; how many arcs it may have is up to the simulator
 # Of rocks: convex hulls of rounded points on an ellipse, with the mass of an ellipsoid.
 _UNEVEN: Final = 0.35  # of the angle between two points of an even rock: how far each may be off its place
 _SHAPES: Final = 2**32
@@ -117,7 +117,6 @@ class SledBody(BodySection):
 class OutlinedBody(BodySection):
     """A body that is told by its outline: a uniform lamina, unless its inertia and its mass centre are given."""
 
-    kind: str
     mass_kg: Annotated[float, Quantity("[1e-50, 1e+50] kg")]
     inertia_kg_m2: Annotated[float | None, Quantity("[1e-250, 1e+150] kg m^2")] = None  # about the mass centre
     centre_m: Annotated[Pair | None, Point("[-1e+50, 1e+50] m")] = None  # the mass centre, in the frame of the outline

@@ -190,7 +190,7 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
                 f"zones.{k}: must have either begin_m and end_m, pieces or {MATERIAL}, not {' and '.join(both)}"
             )
         if zone.get("pieces") is not None:
-            found.append(rest | _reach(*_pieces(zone["pieces"], k, ground), ground, length))
+            found += [rest | _reach(*run, ground, length) for run in _pieces(zone["pieces"], k, ground)]
         elif zone.get(MATERIAL) is not None:
             reaches = (_reach(*run, ground, length) for run in _runs(zone[MATERIAL], k, ground))
             found += [rest | reach for reach in reaches if reach["begin_m"] < length]
@@ -203,7 +203,13 @@ def placed(zones: Any, ground: Ground, length: float) -> Any:
     return sorted(found, key=_begin)
 
 
-def _pieces(value: Any, k: int, ground: Ground) -> tuple[int, int]:
+def named(material: Any) -> Any:
+    """Return the name of a material as text, for numbers are as good; anything else as it is."""
+    return material if isinstance(material, bool) or not isinstance(material, int | float) else str(material)
+
+
+def _pieces(value: Any, k: int, ground: Ground) -> list[tuple[int, int]]:
+    """Return the first and the last of the pieces that are asked for, of each run of them over what was filled up."""
     if not len(ground.numbers):
         raise ValueError(f"zones.{k}.pieces = {value!r}: must be left out: the slope has no profile")
     most = int(ground.numbers[-1]) - 1
@@ -211,21 +217,27 @@ def _pieces(value: Any, k: int, ground: Ground) -> tuple[int, int]:
     if not whole or not 0 <= value[0] <= value[1] <= most:
         allowed = f"a pair [first, last] of whole numbers in [0, {most}], pieces of the profile"
         raise ValueError(f"zones.{k}.pieces = {value!r}: must be {allowed}")
-    found = np.flatnonzero((ground.numbers >= value[0]) & (ground.numbers <= value[1]))
-    if not found.size:
+    found = _runs_of((ground.numbers >= value[0]) & (ground.numbers <= value[1]))
+    if not found:
         raise ValueError(f"zones.{k}.pieces = {value!r}: all of them are under what slope.steepest_deg filled up")
-    return int(found[0]), int(found[-1])
+    return found
+
+
+def _runs_of(wanted: Any) -> list[tuple[int, int]]:
+    """Return the first and the last of each run of what is wanted, a mask."""
+    there = np.r_[False, wanted, False]
+    begins, ends = np.flatnonzero(~there[:-1] & there[1:]), np.flatnonzero(there[:-1] & ~there[1:])
+    return list(zip(begins.tolist(), (ends - 1).tolist(), strict=True))
 
 
 def _runs(name: Any, k: int, ground: Ground) -> list[tuple[int, int]]:
     """Return the first and the last of the pieces of a material, of each run of them."""
     known = sorted(set(ground.materials) - {""})
+    name = named(name)
     if name not in known:
         allowed = f"one of {', '.join(known)}" if known else f"left out: the profile has no column {MATERIAL}"
         raise ValueError(f"zones.{k}.{MATERIAL} = {name!r}: must be {allowed}")
-    of_it = np.r_[False, np.array(ground.materials) == name, False]
-    begins, ends = np.flatnonzero(~of_it[:-1] & of_it[1:]), np.flatnonzero(of_it[:-1] & ~of_it[1:])
-    return list(zip(begins.tolist(), (ends - 1).tolist(), strict=True))
+    return _runs_of(np.array(ground.materials) == name)
 
 
 def _reach(first: int, last: int, ground: Ground, length: float) -> dict[str, Any]:

@@ -348,8 +348,7 @@ class Neighbours:
         self.columns = np.array([_COLUMN[name] for name in names])
         of_law = (law.restitution, law.friction, law.rolling_arm, law.corner_rolling_arm, law.stiffness)
         incline, zones = descent.slope.incline, [number for zone in descent.slope.zones for number in zone.row]
-        of_zones = [*zones, *[np.nan] * (len(PARAMETERS) - _SECTIONS[-1] - len(zones))]
-        self.centre = np.array([*descent.launch, *of_law, *incline, *self._of_body(), *of_zones])
+        self.centre = np.array([*descent.launch, *of_law, *incline, *self._of_body(), *zones])
         self.values = self.centre[self.columns]
         self.crests = bool(sharp_crests(descent.slope.vertices).any())  # over which no radius may vanish
         scales = self._scales()
@@ -388,11 +387,11 @@ class Neighbours:
         descent = self.descent
         natural = natural_units(descent.body, descent.slope, descent.launch)
         rates = np.maximum(natural, np.abs(descent.launch))[3:]
-        zone = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}
-        zones = [(f"zone_{k}_{name}", scale) for k in range(1, MOST_ZONES + 1) for name, scale in zone.items()]
+        zone, there = {name: natural[0] if unit else 1.0 for name, unit in OF_ZONE.items()}, len(descent.slope.zones)
+        zones = [(f"zone_{k}_{name}", scale) for k in range(1, there + 1) for name, scale in zone.items()]
         halves = ["stiffness", "length", "gravity", "air_density", "mass", "inertia", "drag_area"]
         halves += ["radius"] if self.crests else []
-        halves += [f"zone_{k}_stiffness" for k in range(1, MOST_ZONES + 1)]
+        halves += [f"zone_{k}_stiffness" for k in range(1, there + 1)]
         return {
             **dict(zip(LAUNCH, [*natural[:3], max(rates[:2]), max(rates[:2]), rates[2]], strict=True)),
             **dict.fromkeys(("restitution", "friction", "angle", "half_angle"), 1.0),
@@ -423,7 +422,6 @@ class Neighbours:
         own = restitution == self.centre[_RESTITUTION]
         asymmetry = np.where(own, self.descent.law.asymmetry, asymmetry_of(restitution))
         laws = np.stack([stiffness, asymmetry, friction, arm, corner_arm], axis=-1)
-        zones = zones[:, : len(self.descent.slope.zones) * len(OF_ZONE)]
         return bodies, laws, np.hstack([slopes, zones]), launches
 
     def allowed(self, which: NDArray[np.int64], changes: Floats) -> NDArray[np.bool_]:
@@ -647,6 +645,8 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
     idle |= set(foreign)
     if math.isinf(slope.length):
         idle.add("length")
+    if body.drag_area == 0.0:
+        idle |= {"air_density", "drag_area"}
     absent = {name for name in PARAMETERS if name.startswith("zone_")}
     for k, zone in enumerate(slope.zones, 1):
         absent -= {f"zone_{k}_{name}" for name, value in zone.given().items() if math.isfinite(value)}
@@ -655,12 +655,13 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         return tuple(name for name in PARAMETERS if name not in idle)
     if isinstance(given, str) or not isinstance(given, Sequence) or not given:
         raise ValueError(f"parameters = {given!r}: must be a sequence of names, at least one")
+    known = tuple(name for name in PARAMETERS if name not in absent)
     for name in given:
-        checked_choice("parameters", name, tuple(PARAMETERS))
-        if name in foreign:
-            raise ValueError(f"parameters: {name!r} is that of a segment, and the body is a {type(body).__name__}")
         if name in absent:
             raise ValueError(f"parameters: the slope has no {name!r} that could be varied")
+        checked_choice("parameters", name, known)
+        if name in foreign:
+            raise ValueError(f"parameters: {name!r} is that of a segment, and the body is a {type(body).__name__}")
     if len(set(given)) < len(given):
         raise ValueError(f"parameters = {given!r}: must name each parameter once")
     if "length" in given and "length" in idle:

@@ -282,7 +282,9 @@ def hull(
 def _remedy(circles: Floats) -> str:
     """Return which circles will do where there are too many, empty if they span no outline."""
     chosen, depth = fewer_circles(circles, MOST_ARCS)
-    return f"; rows {chosen} alone make an outline that lies {depth:.2g} m within it at most" if len(chosen) > 2 else ""
+    if len(chosen) < 3:
+        return ""
+    return f"; rows {chosen} alone, counted from 0, make an outline that lies {depth:.2g} m within it at most"
 
 
 def _weighed(

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sledenv.kernel.entries import run_directions
 from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
-from sledenv.simulation.rules import STEEPNESS, Rule, checked, numbers_of, warn_user
+from sledenv.simulation.rules import POSITIVE, STEEPNESS, Rule, checked, numbers_of, warn_user
 from sledenv.simulation.smoothing import fit_ground
 
 Floats = NDArray[np.float64]
@@ -55,7 +55,7 @@ class _Piece(NamedTuple):
     number: int  # of the piece of the section
 
 
-class Ground(NamedTuple):
+class Surveyed(NamedTuple):
     """A section of terrain over its plane."""
 
     vertices: Floats  # x along the plane and y off it [m], shape (n, 2), filled where they were too steep
@@ -65,7 +65,7 @@ class Ground(NamedTuple):
 
 def ground_of(
     x: ArrayLike, z: ArrayLike, angle: float | None, tolerance: float | None, steepest: float | None
-) -> Ground:
+) -> Surveyed:
     """Return the ground of a section of terrain: see :meth:`sledenv.Slope.from_terrain`."""
     columns = [numbers_of(f"Slope.from_terrain.{name}", given, "numbers [m]") for name, given in (("x", x), ("z", z))]
     for name, column in zip("xz", columns, strict=True):
@@ -78,12 +78,18 @@ def ground_of(
         checked("Slope.from_terrain", "angle", angle, STEEPNESS)
     if steepest is not None:
         checked("Slope.from_terrain", "steepest", steepest, _STEEPEST)
+    if tolerance is not None:
+        checked("Slope.from_terrain", "tolerance", tolerance, POSITIVE)
     points = np.column_stack(columns) + 0.0
     reader = Reader("points", lambda k: f"x[{k}]", ("x", "z"), "steepest", "math.radians(80)", " to the plane")
     vertices, told = over_plane(points, None if angle is None else math.degrees(angle), reader)
     reader = reader._replace(tilt=f"or tilt the plane of {told:g} degrees, ")
     section = checked_section(points, vertices, reader, steepest)
-    return Ground(section.vertices, fitted(section.vertices, tolerance, "tolerance"), math.radians(told))
+    try:
+        ground = fitted(section.vertices, tolerance, "tolerance")
+    except ValueError as error:
+        raise ValueError(f"Slope.from_terrain {error}") from error
+    return Surveyed(section.vertices, ground, math.radians(told) if angle is None else angle)
 
 
 def fitted(vertices: Floats, tolerance: float | None, name: str) -> Floats:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import cycle
 from typing import TYPE_CHECKING, Final
 
 import numpy as np
@@ -108,7 +109,7 @@ def _draw_section(ax: Axes, terrain: TerrainSection, table: pd.DataFrame) -> Non
     """Draw the ground at its elevations by its materials, and how high over it mass centres pass."""
     vertices = terrain.points
     bottom, x = float(vertices[:, 1].min() - 0.08 * np.ptp(vertices[:, 1])), table["x_m"]
-    colours = dict(zip(dict.fromkeys(run.material for run in terrain.runs), _GROUNDS, strict=False))
+    colours = dict(zip(dict.fromkeys(run.material for run in terrain.runs), cycle(_GROUNDS), strict=False))
     labelled = set()
     for run in terrain.runs:
         end = min(run.end, terrain.length)

@@ -24,6 +24,7 @@ from sledenv.scenarios.sections import (
     SlopeSection,
     ZoneSection,
 )
+from sledenv.scenarios.terrain import named
 from sledenv.simulation.bodies import Body, records_of
 from sledenv.simulation.checks import admitted, check_zones
 from sledenv.simulation.grounds import Grounds
@@ -32,7 +33,7 @@ from sledenv.simulation.records import LIBRARY
 from sledenv.simulation.scene import Zone, asymmetry_of, checked_profile, vertices_of
 from sledenv.simulation.scenes import Scenes, settle_speed
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive, TrackNumber
-from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, named, read_section
+from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
 
 PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
 # Which field of what the simulator takes a key stands for; those of a body are told by its section.

@@ -65,13 +65,16 @@ def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarr
     states = flights.at(lane, place, stations[station])
     kinetic = _kinetic(given, lane, states)
     contact = np.flatnonzero((place > 0) & (flights.feel_air | (place % 2 == 0)))
-    again, energy = _followed(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
-    states[contact], kinetic[contact] = again, energy
+    again = _followed(given, flights, lane[contact], place[contact], stations[station[contact]], settings)
+    states[contact] = np.column_stack([again[name] for name in State._fields])
+    kinetic[contact] = again["kinetic"]
+    missed = contact[again["status"] != FINISH]  # it turns back before
     x, y, phi, u, v, _ = states.T
     lowest = y - given.take(lane).resting_heights(x, within_a_turn(phi))
     ground = heights_on(given.pieces, x)
     seen = np.full((len(lengths), len(stations), 4), np.nan)
     seen[lane, station] = np.column_stack([np.hypot(u, v), kinetic, np.maximum(lowest, 0.0), y - ground])
+    seen[lane[missed], station[missed]] = np.nan
     return outcomes, seen, flights.left_backwards
 
 
@@ -80,7 +83,7 @@ class _Flights:
 
     Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
     One that has come behind x = 0, where the section begins, has left it: it comes to no place from there on. Where
-    bodies feel the air, the place that is touched stands for the end of a flight.
+    bodies feel the air, a flight ends for it where the contact behind it does.
     """
 
     def __init__(self, given: Scenes, outcomes: np.ndarray, logs: np.ndarray) -> None:
@@ -95,9 +98,7 @@ class _Flights:
         self.path = np.repeat(outcomes["x"][:, np.newaxis], 2 * most + 2, axis=1)
         self.path[:, 0] = x[:, 0]
         self.path[:, 2::2][flown] = x[:, 1:][flown]
-        landing = logs["x_contact"]
-        if not self.feel_air:
-            landing = x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
+        landing = x[:, 1:] if self.feel_air else x[:, :-1] + u[:, :-1] * (logs["t_touchdown"] - t[:, :-1])
         self.path[:, 1:-1:2][flown] = landing[flown]
         gone = np.logical_or.accumulate(self.path < 0.0, axis=1)
         self.left_backwards = gone[:, -1]
@@ -153,11 +154,11 @@ def _kinetic(given: Scenes, lane: Indices, states: Floats) -> Floats:
 
 def _followed(
     given: Scenes, flights: _Flights, lane: Indices, place: Indices, x: Floats, settings: Settings
-) -> tuple[Floats, Floats]:
-    """Return states, shape (M, 6), and kinetic energies [J] of descents that come to places x [m], simulated again."""
+) -> np.ndarray:
+    """Return outcomes, shape (M,), of descents that come to places x [m], simulated again up to there."""
     some, before = given.take(lane), given.take(lane)
     before.launches[:] = flights.starts(lane, (place - 1) // 2)
     outcomes = follow(before, x, False, replace(settings, max_rebounds=_AGAIN).limits)
     missed = np.flatnonzero(outcomes["status"] != FINISH)  # by rounding: the very same descent cannot
     outcomes[missed] = follow(some.take(missed), x[missed], False, settings.limits)
-    return np.column_stack([outcomes[name] for name in State._fields]), outcomes["kinetic"].copy()
+    return outcomes

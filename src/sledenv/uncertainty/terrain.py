@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import math
 from collections import defaultdict
 from collections.abc import Sequence
@@ -14,8 +15,7 @@ from numpy.typing import NDArray
 from pydantic import BeforeValidator, ValidationInfo, model_validator
 
 from sledenv.scenarios.configuration import Quantity, Section
-from sledenv.scenarios.terrain import MATERIAL, TERRAIN, read_rows
-from sledenv.simulation.bends import MOST_VERTICES
+from sledenv.scenarios.terrain import MATERIAL, TERRAIN, named, read_rows
 from sledenv.simulation.records import MOST_ZONES
 from sledenv.simulation.terrain import Reader, checked_section, fitted
 
@@ -41,17 +41,10 @@ class Run(NamedTuple):
     end: float  # [m], inf for the last one
 
 
-def named(material: Any) -> Any:
-    """Return the name of a material as text, for numbers are as good; anything else as it is."""
-    return material if isinstance(material, bool) or not isinstance(material, int | float) else str(material)
-
-
 def _checked(given: Any, info: ValidationInfo) -> tuple[Place, ...]:
     """Return the points of a section, or raise ValueError that says which is wrong."""
-    if not isinstance(given, list | tuple) or not 2 <= len(given) <= MOST_VERTICES:
-        raise ValueError(
-            f"must be the name of a CSV file, or a list of 2 to {MOST_VERTICES} points [x_m, z_m, material]"
-        )
+    if not isinstance(given, list | tuple) or len(given) < 2:
+        raise ValueError("must be the name of a CSV file, or a list of at least 2 points [x_m, z_m, material]")
     number, points, materials = Quantity("(-inf, inf) m"), [], []
     for k, point in enumerate(given):
         where = f"point {k + 1} is {point!r}"
@@ -166,14 +159,17 @@ def read_section(file: Path, steepest_deg: Any = None) -> list[list[Any]]:
     Raises
     ------
     ValueError
-        Naming the file, the line and what is wrong there, or what ``steepest_deg`` must be.
+        Naming the file, the line and what is wrong there. A ``steepest_deg`` that is none is left to whoever asks.
     """
-    steepest = TerrainSection.quantities()["steepest_deg"].read(steepest_deg) if steepest_deg is not None else None
+    try:
+        steepest = TerrainSection.quantities()["steepest_deg"].read(steepest_deg) if steepest_deg is not None else None
+    except ValueError:
+        steepest = None
     try:
         rows = read_rows(str(file))
         if rows.columns != TERRAIN or not rows.materials:
             raise ValueError(f"its first line must name the columns {', '.join(COLUMNS)}")
         places = _section(rows.points, rows.materials, rows.reader(_STEEPEST), steepest)
-    except (OSError, ValueError) as problem:
+    except (OSError, ValueError, csv.Error) as problem:
         raise ValueError(f"{file}: {problem}") from problem
     return [list(place) for place in places]
