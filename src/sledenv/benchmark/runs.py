@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import glob
 import hashlib
 import importlib
 import importlib.metadata
@@ -16,6 +17,7 @@ import shutil
 import sys
 import tempfile
 import time
+from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Any, Final, cast
 
@@ -24,7 +26,7 @@ from pydantic import ConfigDict, ValidationError
 from sledenv.benchmark.problem import ENVIRONMENTS, Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
-from sledenv.machine.files import put
+from sledenv.machine.files import alone, check_folder, put
 from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
@@ -33,6 +35,8 @@ SETTINGS: Final = CONFIGS / "agents"  # those that ship
 _SHIPPED: Final = "sledenv.agents."
 _CONFIG: Final = "config.yaml"
 _RECORD: Final = "record.yaml"
+_PART: Final = ".part"  # how the name of a run ends that is not complete
+_LOCK: Final = ".lock"  # in it, held while it is trained
 _log = logging.getLogger("sledenv")
 _PACKAGES: Final = ("sledenv", "gymnasium", "numba", "numpy", "scipy", "stable-baselines3", "torch")
 
@@ -154,23 +158,32 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
     agent = agent_class(module)
     config = meant(module, problem, settings, seed)
     config |= {"scenario": problem.scenario.model_dump(mode="json", by_alias=True), "versions": versions()}
+    check_folder(folder.parent)
     folder.parent.mkdir(parents=True, exist_ok=True)
-    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", suffix=".part", dir=folder.parent))
+    _remove_killed(folder)
+    scratch = Path(tempfile.mkdtemp(prefix=f".{folder.name}-", suffix=_PART, dir=folder.parent))
     try:
         part = scratch / folder.name
         part.mkdir()  # with the permissions of any other folder
         write_yaml(part / _CONFIG, config)
-        wall, cpu = time.perf_counter(), time.process_time()
-        with blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
+        with alone(scratch / _LOCK), blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
+            wall, cpu = time.perf_counter(), time.process_time()
             own = copy.deepcopy(settings)  # stable-baselines3 writes into nested ones
             own.pop("env_kwargs", None)  # which the problem has
             agent.train(problem, own, seed, part)
-        record = {"train_seconds": time.perf_counter() - wall, "train_cpu_seconds": time.process_time() - cpu}
+            record = {"train_seconds": time.perf_counter() - wall, "train_cpu_seconds": time.process_time() - cpu}
         write_yaml(part / _RECORD, record)
         put(part, folder, scratch / "before")
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
     return folder
+
+
+def _remove_killed(folder: Path) -> None:
+    """Remove what runs into a folder have left that were killed: nobody holds its lock."""
+    for left in folder.parent.glob(f".{glob.escape(folder.name)}-*{_PART}/{_LOCK}"):
+        with suppress(BlockingIOError), alone(left, wait=False):
+            shutil.rmtree(left.parent, ignore_errors=True)
 
 
 def is_trained(module: str, problem: Problem, settings: dict[str, Any], seed: int, folder: Path) -> bool:
