@@ -23,11 +23,11 @@ from scipy.interpolate import RBFInterpolator
 from scipy.io import loadmat
 from scipy.spatial import KDTree
 
-from sledenv.identification.comparison import Comparison, Predictor, compare, impact_models, predictive_bands
-from sledenv.identification.fitting import profiled, solve
-from sledenv.identification.objective import Floats, Parameter, Problem
+from sledenv.identification.comparison import Comparison, Predictor, compare, impact_models
+from sledenv.identification.fitting import Floats, Parameter, Problem, profiled, solve
+from sledenv.identification.law import ImpactModel
 from sledenv.identification.plausibility import read_rebounds
-from sledenv.identification.rebound_fit import Identification, ImpactModel
+from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds
 from sledenv.identification.report import plot_errors, plot_residuals
 from sledenv.machine.files import publish
@@ -47,7 +47,6 @@ TABLES = (
         for name in ("models", "differences", "rivals", "arms")
         for reading in ("told", "turned")
     ),
-    "coverage.csv",
     "balances.csv",
     "slips.csv",
     "remains.csv",
@@ -318,7 +317,7 @@ def study(recorded: Recorded, folder: Path) -> dict[str, Comparison]:
     _write(balances(readings, recorded).to_frame("value"), folder / "balances.csv", 7)
     _write(slips(readings), folder / "slips.csv")
     models = impact_models(float(np.median(told.approach)))
-    comparisons, parts, coverage = {}, {}, []
+    comparisons, parts = {}, {}
     for name, rebounds in readings.items():
         print(f"\nb {_WORDS[name]}")
         comparisons[name] = compare(rebounds, models=models, predicted=recorded.published, held_out=held_out)
@@ -329,11 +328,6 @@ def study(recorded: Recorded, folder: Path) -> dict[str, Comparison]:
         _write(compared.table, folder / f"rivals_{name}.csv")
         parts[name] = arms_by_part(rebounds)
         _write(parts[name], folder / f"arms_{name}.csv")
-        for law in ("energetic", "energetic, rolling", "energetic, speed"):
-            bands = predictive_bands(models[law], rebounds.rows(~held_out))
-            velocities = models[law](rebounds.rows(~held_out), rebounds.rows(held_out))
-            coverage.append({"arms": name, "law": law, **bands.coverage(rebounds.rows(held_out), velocities)})
-    _write(pd.DataFrame(coverage).set_index(["arms", "law"]), folder / "coverage.csv")
     found = {name: _identified(rebounds, models["energetic, rolling"]) for name, rebounds in readings.items()}
     for name, one in found.items():
         print(f"\nall impacts, b {_WORDS[name]}: {one}")
@@ -352,7 +346,7 @@ def study(recorded: Recorded, folder: Path) -> dict[str, Comparison]:
 
 
 def _identified(rebounds: Rebounds, model: ImpactModel) -> Identification:
-    return Identification(rebounds, model, *profiled(model.fit(rebounds)))
+    return Identification(*profiled(model.fit(rebounds)), rebounds, model)
 
 
 def _together(comparisons: dict[str, Comparison]) -> Comparison:

@@ -8,8 +8,8 @@ import numpy as np
 import pandas as pd
 
 from sledenv import Body, circular_segment, hull, rigid_impact, segment
+from sledenv.identification.law import ImpactModel
 from sledenv.identification.plausibility import read_rebounds
-from sledenv.identification.rebound_fit import ImpactModel
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
 from sledenv.simulation.scene import ContactLaw, State
 
@@ -28,7 +28,7 @@ def rebounding(
     touches: pd.DataFrame, rng: np.random.Generator, noise: float = 0.0, hypothesis: str = "energetic", **truth: float
 ) -> pd.DataFrame:
     """Add velocities after, each with an error of ``noise`` times the speed before."""
-    rebounds = read_rebounds(touches, gyration_radius=GYRATION, measured=False)
+    rebounds = read_rebounds(touches.assign(**dict.fromkeys(AFTER, 0.0)), gyration_radius=GYRATION)
     values = {"corner_rolling_arm": 0.0, "softening": 0.0} | TRUTH | truth
     model = ImpactModel(hypothesis, {}, truth.get("reference_speed", 2.0))  # type: ignore[arg-type]
     names = [one.name for one in model.parameters(GYRATION)]

@@ -12,10 +12,10 @@ import pytest
 
 import sledenv
 from sledenv.command.cli import main
-from sledenv.identification.flights import check_frame
+from sledenv.identification.frames import check_frame
 from sledenv.identification.plausibility import doubts, other_zero, read_rebounds
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, Rebounds
-from sledenv.identification.tracks import recordings_of
+from sledenv.identification.recordings import recordings_of
 from sledenv.simulation.scene import ContactLaw
 from tests.identification.drops import drop, track
 from tests.identification.rebound_tables import (
@@ -43,8 +43,7 @@ def exchanged(table: Table) -> Table:
     return table.rename(columns=names)
 
 
-def all_of(names: tuple[str, ...], factor: float) -> dict[str, float]:
-    return dict.fromkeys(names, factor)
+all_of = dict.fromkeys
 
 
 def by_arms(seed: int, noise: float = 0.02) -> Table:
@@ -76,10 +75,12 @@ def said(table: Table, **body: object) -> str:
     ],
     ids=["b", "u", "a", "omega", "degrees", "mm", "mm/s", "y down", "v", "exchanged"],
 )
-@pytest.mark.parametrize("seed", range(2))
-def test_a_wrong_sign_or_unit_of_rebounds_is_named(spoil: Callable[[Table], Table], words: str, seed: int) -> None:
-    assert words in said(spoil(by_arms(seed)), gyration_radius=GYRATION)
-    assert "the radius of gyration were in mm" in said(by_arms(seed), gyration_radius=1e3 * GYRATION)
+def test_a_wrong_sign_or_unit_of_rebounds_is_named(spoil: Callable[[Table], Table], words: str) -> None:
+    assert words in said(spoil(by_arms(0)), gyration_radius=GYRATION)
+
+
+def test_a_radius_of_gyration_in_mm_is_named() -> None:
+    assert "the radius of gyration were in mm" in said(by_arms(0), gyration_radius=1e3 * GYRATION)
 
 
 def by_phi(body: sledenv.Body, seed: int = 2, noise: float = 0.0) -> Table:
@@ -142,11 +143,11 @@ def test_the_least_of_the_zeros_that_a_body_cannot_tell_apart_is_named() -> None
     assert "were larger by -0.2 rad (-11.5 degrees)" in found
 
 
-@pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT, SKATE])
-def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body, seed: int) -> None:
+def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body) -> None:
     """Of a disc nothing could tell it; of the others noise and rolling resistance must not."""
-    assert other_zero(read_rebounds(by_phi(body, seed, 0.04), body)) is None
+    for seed in range(3):
+        assert other_zero(read_rebounds(by_phi(body, seed, 0.04), body)) is None
 
 
 @pytest.mark.parametrize("launches", [2, 3, 4])
@@ -154,21 +155,11 @@ def test_no_other_zero_is_named_of_exact_rebounds_that_stop_to_turn(launches: in
     """Oracle: rolling resistance alone, of impacts in which the spin turns, is not explained by a balance of spins."""
     body = sledenv.disc(2.0, 0.1, 0.02, 0.009)
     law = ContactLaw.from_restitution(0.5, stiffness=5e6, friction=0.25, rolling_arm=0.001)
+    how = sledenv.Settings(solver="rigid", max_time=1.5)
     begun = [(0.3, 2.0), (1.0, -3.0), (2.0, 1.0), (4.0, -2.0)][:launches]
-    table = sledenv.recorded_rebounds(
-        [
-            sledenv.simulate(
-                body,
-                law,
-                sledenv.Slope(0.1),
-                sledenv.State(0.0, 0.6, phi, 1.5, 0.0, omega),
-                solver="rigid",
-                max_time=1.5,
-            )
-            for phi, omega in begun
-        ]
-    )
-    assert not [text for text in doubts(read_rebounds(table[table["duration_s"] == 0.0], body)) if "zero" in text]
+    states = [sledenv.State(0.0, 0.6, phi, 1.5, 0.0, omega) for phi, omega in begun]
+    table = sledenv.recorded_rebounds([sledenv.simulate(body, law, sledenv.Slope(0.1), one, how) for one in states])
+    assert "zero" not in said(table[table["duration_s"] == 0.0], body=body)
 
 
 def test_lengths_of_a_body_in_mm_are_named() -> None:
@@ -188,11 +179,11 @@ def test_a_fit_that_explains_nothing_warns() -> None:
         assert any("80 rebounds differ from the fit by more than 0.1 of their speed" in text for text in found.warnings)
 
 
-@pytest.mark.parametrize("seed", range(5))
-def test_nothing_is_said_of_sound_rebounds(seed: int) -> None:
-    rng = np.random.default_rng(seed)
-    laws = {"restitution": rng.uniform(0.2, 0.9), "friction": rng.uniform(0.0, 0.5), "rolling_arm": 0.0005}
-    assert said(rebounding(told_by_arms(rng, 80), rng, 0.01, **laws), gyration_radius=GYRATION) == ""
+def test_nothing_is_said_of_sound_rebounds() -> None:
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        laws = {"restitution": rng.uniform(0.2, 0.9), "friction": rng.uniform(0.0, 0.5), "rolling_arm": 0.0005}
+        assert said(rebounding(told_by_arms(rng, 80), rng, 0.01, **laws), gyration_radius=GYRATION) == ""
 
 
 def test_friction_that_drives_a_slip_is_noticed_where_spins_balance() -> None:
@@ -203,8 +194,6 @@ def test_friction_that_drives_a_slip_is_noticed_where_spins_balance() -> None:
     turned = sound.arms[:, 1] * (after[:, 0] - sound.after[:, 0]) / GYRATION**2
     after[:, 2] += turned
     driven = Rebounds(GYRATION, sound.contacts, after, sound.corner, sound.recordings)
-    shares = [list(one.balance()["share"]) for one in (sound, driven)]
-    assert shares[0][0] == pytest.approx(shares[1][0], abs=0.3)
     assert any("friction speeds up the slips" in text for text in doubts(driven))
 
 
@@ -230,7 +219,7 @@ def test_places_in_a_file_are_its_lines(tmp_path: Path, capsys: pytest.CaptureFi
     poses = track(drop(np.random.default_rng(0)), np.random.default_rng(0), seconds=0.1)
     poses.loc[4, "t_s"] = 0.0
     poses.to_csv(tmp_path / "poses.csv", index=False)
-    with pytest.raises(ValueError, match=r"t_s = 0\.0 in line 6: must increase from"):
+    with pytest.raises(ValueError, match="t_s, line 6: is 0, must increase within a recording"):
         sledenv.identify(tmp_path / "poses.csv", SEGMENT, sledenv.Slope(0.1))
 
 
@@ -263,7 +252,6 @@ def test_a_wrong_sign_or_unit_of_poses_is_named(spoil: Callable[[Table], Table],
         sledenv.identify(spoil(table), body, slope)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_nothing_is_said_of_sound_poses(seed: int) -> None:
-    table, body, slope = drops(seed)
-    check_frame(body, slope, recordings_of(table, body.size))
+def test_nothing_is_said_of_sound_poses() -> None:
+    for table, body, slope in map(drops, range(4)):
+        check_frame(body, slope, recordings_of(table, body.size))

@@ -12,8 +12,9 @@ from scipy.stats import binom
 import sledenv
 from sledenv.command.cli import main
 from sledenv.identification.flights import flights_of
+from sledenv.identification.recordings import recordings_of
 from sledenv.identification.report import plot_track_residuals, write_tracks
-from sledenv.identification.tracks import TrackFit, identify_tracks, recordings_of
+from sledenv.identification.tracks import TrackFit, identify_tracks
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import polygon
@@ -28,9 +29,8 @@ PLAIN = Drop(
     Slope(0.1),
     State(0.0, 0.35, 0.3, 1.2, 0.0, 2.0),
 )
-
-
-# What is held where a test is about something else, so that it is fast.
+POSES = track(PLAIN, np.random.default_rng(0), seconds=0.5)
+# Values that are held where a test is about something else, so that it is fast.
 KNOWN = {"restitution": 0.7, "rolling_arm": 0.002}
 
 
@@ -55,7 +55,7 @@ def plain() -> TrackFit:
 
 @pytest.fixture(scope="module")
 def held() -> TrackFit:
-    return identify_tracks(track(PLAIN, np.random.default_rng(0), seconds=0.5), DISC, PLAIN.slope, fixed=KNOWN)
+    return identify_tracks(POSES, DISC, PLAIN.slope, fixed=KNOWN)
 
 
 def test_flights_end_where_the_body_touches_down() -> None:
@@ -101,10 +101,9 @@ def test_a_law_and_a_launch_are_recovered(plain: TrackFit) -> None:
 
 
 def test_what_a_mirror_shows_has_the_same_law_and_whole_turns_do_not_matter(held: TrackFit) -> None:
-    table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
-    turned = np.remainder(-table["phi_rad"], 2.0 * math.pi)
+    turned = np.remainder(-POSES["phi_rad"], 2.0 * math.pi)
     assert np.ptp(turned) > 6.0
-    mirrored = table.assign(x_m=-table["x_m"], phi_rad=turned)
+    mirrored = POSES.assign(x_m=-POSES["x_m"], phi_rad=turned)
     other = identify_tracks(mirrored, DISC, Slope(-PLAIN.slope.angle), fixed=KNOWN)
     assert other.values["friction"] == pytest.approx(held.values["friction"], abs=0.1 * held.fit.errors["friction"])
     for name, sign in zip(State._fields, (-1, 1, -1, -1, 1, -1), strict=True):
@@ -208,58 +207,43 @@ def test_what_follows_another_law_is_said_not_to_be_explained() -> None:
     assert "fit compliant surfaces" in found.warnings[-1]
 
 
-def bad(**columns: object) -> pd.DataFrame:
-    return track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(**columns)
-
-
-def test_bad_tables_are_refused_by_name() -> None:
-    good = bad()
-    for table, words in (
-        (good.drop(columns="y_m"), "y_m: there is no such column"),
-        (good.iloc[:5], "5 frames with a pose: must be at least 8"),
-        (good.iloc[:0], "0 frames"),
-        (good.iloc[::-1], r"t_s = .* in row 1: must increase"),
-        (bad(t_s=np.nan), "t_s = nan in row 0"),
-        (bad(x_m=np.inf), "x_m = inf in row 0"),
-        (bad(x_m=np.nan), "0 frames with a pose"),
-        (bad(x_m="1,5"), "x_m, row 0: is '1,5', must be a number, with a decimal point"),
-        (bad(recording=None), "recording, row 0: there is no value"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            identify_tracks(table, DISC, PLAIN.slope)
-
-
-def test_bad_arguments_are_refused_by_name() -> None:
-    table = bad()
-    for settings, words in (
-        ({"fixed": {"mass": 1.0}}, "'mass' is no parameter"),
-        ({"fixed": {"restitution": 1.5}}, "restitution"),
-        ({"bounds": {"friction": (0.5, 0.2)}}, "must be in order"),
-        ({"bounds": {"restitution": (0.0, 1.0)}, "solver": "compliant"}, r"in order and in \[0.001, 1\]"),
-        ({"bounds": {"stiffness": (1e3, 1e5)}}, "'stiffness' is not fitted"),
-        ({"bounds": {"friction": (0.0, 1.0)}, "fixed": {"friction": 0.2}}, "'friction' is fixed"),
-        ({"noise": (0.0, 0.1)}, "noise.position"),
-        ({"solver": "exact"}, "solver"),
-        ({"loss": "huber"}, "loss"),
-    ):
-        with pytest.raises(ValueError, match=words):
-            identify_tracks(table, DISC, PLAIN.slope, **settings)  # type: ignore[arg-type]
-
-
-def test_a_track_without_a_rebound_tells_no_law() -> None:
-    with pytest.raises(ValueError, match="touches the slope in no recording"):
-        identify_tracks(track(PLAIN, np.random.default_rng(0), seconds=0.15), DISC, PLAIN.slope)
+@pytest.mark.parametrize(
+    ("table", "settings", "words"),
+    [
+        (POSES.drop(columns="y_m"), {}, "y_m: there is no such column"),
+        (POSES.iloc[:5], {}, "5 frames with a pose: must be at least 8"),
+        (POSES.iloc[:0], {}, "0 frames"),
+        (POSES.iloc[::-1], {}, "t_s, row 1: is .*, must increase within a recording"),
+        (POSES.assign(t_s=np.nan), {}, "t_s, row 0: is nan, must be a finite number"),
+        (POSES.assign(x_m=np.inf), {}, "x_m, row 0: is inf"),
+        (POSES.assign(x_m=np.nan), {}, "0 frames with a pose"),
+        (POSES.assign(x_m="1,5"), {}, "x_m, row 0: is '1,5', must be a number, with a decimal point"),
+        (POSES.assign(recording=None), {}, "recording, row 0: there is no value"),
+        (POSES, {"fixed": {"mass": 1.0}}, "'mass' is no parameter"),
+        (POSES, {"fixed": {"restitution": 1.5}}, "restitution"),
+        (POSES, {"bounds": {"friction": (0.5, 0.2)}}, "must be in order"),
+        (POSES, {"bounds": {"restitution": (0.0, 1.0)}, "solver": "compliant"}, r"in order and in \[0.001, 1\]"),
+        (POSES, {"bounds": {"stiffness": (1e3, 1e5)}}, "'stiffness' is not fitted"),
+        (POSES, {"bounds": {"friction": (0.0, 1.0)}, "fixed": {"friction": 0.2}}, "'friction' is fixed"),
+        (POSES, {"noise": (0.0, 0.1)}, "noise.position"),
+        (POSES, {"solver": "exact"}, "solver"),
+        (POSES, {"loss": "huber"}, "loss"),
+        (POSES.iloc[:36], {}, "touches the slope in no recording"),
+    ],
+)
+def test_a_bad_table_or_argument_is_refused_by_name(table: pd.DataFrame, settings: dict, words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        identify_tracks(table, DISC, PLAIN.slope, **settings)
 
 
 def test_a_track_of_another_body_is_not_explained() -> None:
-    table = track(PLAIN, np.random.default_rng(0), seconds=0.5)
     with pytest.raises(ValueError, match="no law explains the first rebound"):
-        identify_tracks(table, segment(1.0, 0.2, 0.02, 0.004), PLAIN.slope, fixed=KNOWN)
+        identify_tracks(POSES, segment(1.0, 0.2, 0.02, 0.004), PLAIN.slope, fixed=KNOWN)
 
 
 def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:  # type: ignore[no-untyped-def]
     file = tmp_path / "track.parquet"
-    track(PLAIN, np.random.default_rng(0), seconds=0.5).to_parquet(file)
+    POSES.to_parquet(file)
     found = sledenv.identify(file, DISC, PLAIN.slope, fixed={name: PLAIN.truth[name] for name in LAW})
     assert isinstance(found, TrackFit)
     assert found.intervals == {}
@@ -277,7 +261,7 @@ def test_identify_tells_tracks_from_rebounds_by_their_columns(tmp_path) -> None:
 
 def test_the_command_prints_the_law_and_writes_pages(tmp_path, capsys) -> None:  # type: ignore[no-untyped-def]
     file, folder = tmp_path / "track.csv", tmp_path / "out"
-    track(PLAIN, np.random.default_rng(0), seconds=0.5).assign(recording="=1+1").to_csv(file, index=False)
+    POSES.assign(recording="=1+1").to_csv(file, index=False)
     body = ["--gyration-radius", str(math.sqrt(0.004)), "--radius", "0.1", "--eccentricity", "0.02"]
     assert main(["identify", str(file), *body, "--out", str(folder)]) == 2
     assert "--slope-deg: poses over time need it" in capsys.readouterr().err

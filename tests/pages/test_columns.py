@@ -12,7 +12,7 @@ import pytest
 import sledenv
 from sledenv.command.cli import main
 from sledenv.identification.plausibility import read_rebounds
-from sledenv.identification.tracks import recordings_of
+from sledenv.identification.recordings import recordings_of
 from sledenv.pages.columns import (
     CONTACT_COLUMNS,
     REBOUND_COLUMNS,

@@ -10,8 +10,9 @@ import pandas as pd
 from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebound_fit import identify as identify_rebounds
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, TOUCHDOWN
+from sledenv.identification.recordings import POSE, TIME
 from sledenv.identification.tables import listed, read_table
-from sledenv.identification.tracks import POSE, TIME, TrackFit, identify_tracks
+from sledenv.identification.tracks import TrackFit, identify_tracks
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import Slope
 

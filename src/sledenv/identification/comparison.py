@@ -1,31 +1,28 @@
-"""Which contact law predicts impacts that it was not fitted to: held-out errors, what differs clearly, how far off."""
+"""Which contact law predicts impacts that it was not fitted to: held-out errors, and which differences are clear."""
 
 from __future__ import annotations
 
 import itertools
-import math
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Final, get_args
+from typing import get_args
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.identification.objective import Floats
+from sledenv.identification.fitting import Floats
+from sledenv.identification.law import ImpactModel
 from sledenv.identification.plausibility import read_rebounds
-from sledenv.identification.rebound_fit import ImpactModel
 from sledenv.identification.rebounds import Rebounds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis
-from sledenv.simulation.rules import checked, checked_count
+from sledenv.simulation.rules import checked_count
 
 Predictor = Callable[[Rebounds, Rebounds], Floats]  # fitted to the first, velocities after of the second, (N, 3)
 
-LEVEL: Final = 0.95
-COMPONENTS: Final = ("u", "v", "omega")
-
+_LEVEL = 0.95
 _FOLDS = 10
 _DRAWS = 4000
 
@@ -55,7 +52,8 @@ class Comparison:
     Attributes
     ----------
     errors : DataFrame
-        Root of ``dv' M dv / v0' M v0``, a row for each held-out rebound, indexed by its number, and a column a model.
+        Root of ``dv' M dv / v0' M v0``, a row per held-out rebound, indexed by its number, and a column per
+        model.
     recordings : ndarray, shape (rows,)
         Recording of each.
     draws, seed : int
@@ -69,14 +67,14 @@ class Comparison:
 
     @property
     def table(self) -> pd.DataFrame:
-        """One row a model, the best first: ``mean`` and ``p90`` of its errors, each with the ends of its interval."""
+        """One row per model, the best first: ``mean`` and ``p90`` of its errors, each with the ends of its interval."""
         ranked = self.errors[self.errors.mean().sort_values().index]
         times = self._times()
         found = {}
         for name, errors in ranked.items():
             sample = errors.to_numpy()
-            mean = _ends((times @ sample) / times.sum(axis=1), LEVEL)
-            tail = _ends(_tails(times, sample), LEVEL)
+            mean = _ends((times @ sample) / times.sum(axis=1), _LEVEL)
+            tail = _ends(_tails(times, sample), _LEVEL)
             found[name] = (sample.mean(), *mean, np.quantile(sample, 0.9), *tail)
         columns = ["mean", "mean_low", "mean_high", "p90", "p90_low", "p90_high"]
         return pd.DataFrame.from_dict(found, orient="index", columns=columns).rename_axis("model")
@@ -92,8 +90,8 @@ class Comparison:
         Returns
         -------
         DataFrame
-            One row a model: ``difference``, ``low`` and ``high``, and whether it is ``clear``. The intervals hold
-            together at the level .95 (Bonferroni), so that a difference among many is not called clear by chance.
+            One row per model: ``difference``, ``low`` and ``high``, and whether it is ``clear``. The intervals hold
+            together at the level 0.95 (Bonferroni), so that a difference among many is not called clear by chance.
 
         Raises
         ------
@@ -107,7 +105,7 @@ class Comparison:
         paired = others.to_numpy() - self.errors[[reference]].to_numpy()
         times = self._times()
         drawn = (times @ paired) / times.sum(axis=1, keepdims=True)
-        low, high = _ends(drawn, 1.0 - (1.0 - LEVEL) / max(others.shape[1], 1))
+        low, high = _ends(drawn, 1.0 - (1.0 - _LEVEL) / max(others.shape[1], 1))
         found = pd.DataFrame({"difference": paired.mean(axis=0), "low": low, "high": high}, others.columns)
         found["clear"] = (found["low"] > 0.0) | (found["high"] < 0.0)
         return found.sort_values("difference").rename_axis("model")
@@ -117,74 +115,6 @@ class Comparison:
         groups = int(self.recordings.max()) + 1
         drawn = np.random.default_rng(self.seed).multinomial(groups, np.full(groups, 1.0 / groups), self.draws)
         return drawn[:, self.recordings].astype(float)
-
-
-@dataclass(frozen=True)
-class Bands:
-    """How far measured velocities lie from predicted ones, from errors on impacts that a model was not fitted to.
-
-    Attributes
-    ----------
-    level : float
-    low, high : ndarray, shape (3,)
-        Ends of the residuals of u, v and omega, in the energy norm and relative to the speed before.
-    norm : float
-        Length that residuals have at most.
-    """
-
-    level: float
-    low: Floats
-    high: Floats
-    norm: float
-
-    def around(self, rebounds: Rebounds, velocities: Floats) -> tuple[Floats, Floats]:
-        """Return the ends of the predictive intervals of u, v [m/s] and omega [rad/s], shape (N, 3) each."""
-        size = rebounds.speed[:, None] / rebounds.scales
-        return velocities - self.high * size, velocities - self.low * size
-
-    def coverage(self, rebounds: Rebounds, velocities: Floats) -> dict[str, float]:
-        """Shares of rebounds that lie within: by component, and ``norm`` by the length of their residual."""
-        residuals = rebounds.residuals(velocities)
-        inside = (residuals >= self.low) & (residuals <= self.high)
-        norm = float(np.mean(np.linalg.norm(residuals, axis=1) <= self.norm))
-        return {**dict(zip(COMPONENTS, inside.mean(axis=0).tolist(), strict=True)), "norm": norm}
-
-
-def predictive_bands(
-    model: Predictor, rebounds: Rebounds, *, level: float = LEVEL, folds: int = _FOLDS, seed: int = 0
-) -> Bands:
-    """Return the spread of a model's residuals on parts of the data that it was not fitted to.
-
-    They hold for impacts drawn as those of ``rebounds`` were, on average over them (conformal prediction by
-    cross-validation: Barber et al. 2021, Annals of Statistics 49).
-
-    Parameters
-    ----------
-    model : Predictor
-        Such as an :class:`sledenv.identification.rebound_fit.ImpactModel`.
-    rebounds : Rebounds
-    level : float
-        In (0, 1).
-    folds, seed : int
-        Parts of the data, whole recordings each.
-
-    Returns
-    -------
-    Bands
-
-    Raises
-    ------
-    ValueError
-        If there are fewer recordings than folds, or fewer rebounds than the level needs.
-    """
-    level = checked("predictive_bands", "level", level, (lambda v: (v > 0.0) & (v < 1.0), "in (0, 1)"))
-    least = math.ceil(2.0 / (1.0 - level)) - 1
-    if len(rebounds) < least:
-        raise ValueError(f"{len(rebounds)} rebounds: an interval of level {level:g} needs at least {least}")
-    residuals = rebounds.residuals(_cross_validated(model, rebounds, folds, seed))
-    lengths = np.linalg.norm(residuals, axis=1)
-    above = 0.5 * (1.0 - level)
-    return Bands(level, _ranked(residuals, above), -_ranked(-residuals, above), -float(_ranked(-lengths, 2.0 * above)))
 
 
 def compare(
@@ -262,13 +192,6 @@ def _folds(rebounds: Rebounds, folds: int, seed: int) -> Iterator[NDArray[np.boo
         raise ValueError(f"folds = {folds}: must be from 2 to the number of recordings, {len(recordings)}")
     for part in np.array_split(np.random.default_rng(seed).permutation(recordings), folds):
         yield np.isin(rebounds.recordings, part)
-
-
-def _ranked(values: Floats, share: float) -> Floats:
-    """Value that a new one lies below with a probability of at most ``share``, as exchangeable ones rank alike."""
-    rank = max(math.floor((len(values) + 1) * share), 1)
-    found: Floats = np.sort(values, axis=0)[rank - 1]
-    return found
 
 
 def _ends(drawn: Floats, level: float) -> Floats:

@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from sledenv.identification.objective import Floats
+from sledenv.identification.fitting import Floats
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, POSE, TOUCHDOWN, Rebounds, arms_of
 from sledenv.identification.tables import LARGEST, columns, numbered, place, read_table, recorded_names
 from sledenv.simulation.bodies import Body, made_body
@@ -20,9 +21,8 @@ from sledenv.simulation.rules import Rule, checked
 
 FACTOR = 2.0  # by which the moment of the impulses may differ from the change of spin before it is doubted
 _SURE = 4.0  # standard errors
-_MOST = 0.9  # share of rebounds that must close, open and lose energy; some may have been measured badly
+_MOST = 0.9  # share of rebounds that must pass a test of each; some may have been measured badly
 _FEW = 5  # rebounds, below which neither the work of friction nor a zero of orientations is judged
-_DEGREE, _MILLI = math.pi / 180.0, 1e-3
 _UNEXPLAINED = 0.5  # of the squares of changes of spin: what a remedy may leave at most
 _BALANCED = 0.01  # of these squares: rolling resistance leaves so much, with the right zero, where spins turn
 _ALIKE, _NOTHING = 2.0, 1e-6  # remedies that leave up to so many times the least, or next to nothing, are as good
@@ -35,49 +35,99 @@ _ENOUGH = 500  # rebounds tell a zero of orientations; more take longer
 _CENTRED = 1e-6  # of the distance of the contact: an arm a that counts as none
 _BACK = 0.05  # of the slip before: what a slip that is reversed is more than
 _GRIPPING = 0.5  # of the slip before: a larger slip after counts as one that never ended
-_BOUNCES = 3  # touchdowns that tell a rebound by the times between them
 _AROUND = np.linspace(-math.pi, math.pi, 33)  # [rad] orientations
 _HALF_GRAVITY = 0.5 * 9.81  # [m/s^2] of it the restitution does not depend
-
 _LENGTH: Rule = (lambda v: (v >= 1.0 / LARGEST) & (v <= LARGEST), f"in [{1.0 / LARGEST:g}, {LARGEST:g}] m")
 
+# What holds of each rebound: what is said of those that fail, and which pass.
+_OF_EACH: tuple[tuple[str, Callable[[Rebounds], NDArray[np.bool_]]], ...] = (
+    ("open before the impact", lambda rebounds: rebounds.approach > 0.0),
+    ("still approach afterwards", lambda rebounds: rebounds.opening >= 0.0),
+    ("have more energy after than before", lambda rebounds: rebounds.energy_after <= rebounds.speed**2),
+)
 
-def off_balance(share: float, error: float) -> bool:
-    """Whether a share of :meth:`Rebounds.balance` is so far from 1 that no law makes good for it."""
-    small = share < 1.0 / FACTOR and share + _SURE * error < 1.0
-    return small or (share > FACTOR and share - _SURE * error > 1.0)
+# What else a table could mean: words, and factors of phi; of a and b; of u, v and omega; of the radius of gyration.
+_Remedy = tuple[str, float, tuple[float, float], tuple[float, float, float], float]
+_DEGREE, _MM = math.pi / 180.0, 1e-3
+_SAME_ARMS, _SAME_VELOCITIES = (1.0, 1.0), (1.0, 1.0, 1.0)
+_REMEDIES: tuple[_Remedy, ...] = (
+    ("the sign of v were turned", 1, _SAME_ARMS, (1, -1, 1), 1),
+    ("the sign of omega were turned", 1, _SAME_ARMS, (1, 1, -1), 1),
+    ("omega were in degrees a second", 1, _SAME_ARMS, (1, 1, _DEGREE), 1),
+    ("u and v were in mm/s", 1, _SAME_ARMS, (_MM, _MM, 1), 1),
+)
+_REMEDIES_OF_ARMS: tuple[_Remedy, ...] = (
+    ("y pointed away from the surface: turn the signs of v, omega and a", 1, (-1, 1), (1, -1, -1), 1),
+    # A mirror takes one of these to another, so that no law tells them apart.
+    ("the sign of b, or of u, or those of a and omega, were turned", 1, (1, -1), _SAME_VELOCITIES, 1),
+    ("the sign of a were turned", 1, (-1, 1), _SAME_VELOCITIES, 1),
+    ("the arms were in mm", 1, (_MM, _MM), _SAME_VELOCITIES, 1),
+    ("the arms and the radius of gyration were in mm", 1, (_MM, _MM), _SAME_VELOCITIES, _MM),
+    ("the radius of gyration were in mm", 1, _SAME_ARMS, _SAME_VELOCITIES, _MM),
+)
+_REMEDIES_OF_POSES: tuple[_Remedy, ...] = (
+    ("y pointed away from the surface: turn the signs of v, omega and phi_rad", -1, _SAME_ARMS, (1, -1, -1), 1),
+    ("all angles counted clockwise: turn the signs of phi_rad and omega", -1, _SAME_ARMS, (1, 1, -1), 1),
+    ("phi_rad alone counted clockwise, from y to x: turn its sign", -1, _SAME_ARMS, _SAME_VELOCITIES, 1),
+    ("the sign of u were turned", 1, _SAME_ARMS, (-1, 1, 1), 1),
+    ("phi_rad were in degrees", _DEGREE, _SAME_ARMS, _SAME_VELOCITIES, 1),
+    ("phi_rad were in degrees, and omega in degrees a second", _DEGREE, _SAME_ARMS, (1, 1, _DEGREE), 1),
+    ("all lengths of the body were in mm: give them in m", 1, (_MM, _MM), _SAME_VELOCITIES, _MM),
+    (
+        "the outline of the body were in mm, not its radius of gyration: give it in m",
+        1,
+        (_MM, _MM),
+        _SAME_VELOCITIES,
+        1,
+    ),
+)
 
 
-def friction_drives(rebounds: Rebounds) -> bool:
-    """Whether friction, taken over all rebounds, speeds slips up: its impulse times the mean of the slips is work."""
-    if len(rebounds) < _FEW:
-        return False
-    slips = [of[:, 0] + rebounds.arms[:, 1] * of[:, 2] for of in (rebounds.before, rebounds.after)]
-    work = (rebounds.after[:, 0] - rebounds.before[:, 0]) * 0.5 * (slips[0] + slips[1])
-    return float(work.mean()) > _SURE * float(work.std()) / math.sqrt(len(work))
+def doubts(rebounds: Rebounds) -> Iterator[str]:
+    """Yield what is strange about rebounds, whatever the law, a sentence each."""
+    found = list(_contradictions(rebounds))
+    if found:
+        mended = remedy(rebounds)
+        yield from (f"{text}{mended}" for text in found)
+    elif (angle := other_zero(rebounds)) is not None:
+        yield f"the spins would balance far better if {_zero_words(angle)}"
+    for words, passes in _OF_EACH:
+        failed = np.flatnonzero(~passes(rebounds))
+        if len(failed):
+            yield f"{len(failed)} rebounds {words}, the first of them in {rebounds.place(failed[0])}"
+    if rebounds.normal_alone:
+        yield "normal speeds alone tell the restitution, and nothing of friction and rolling arms"
 
 
-def is_consistent(rebounds: Rebounds) -> bool:
-    """Whether rebounds may be those of a body that some law makes: gaps, energy, spins and slips."""
-    well = rebounds.approach > 0.0, rebounds.opening >= 0.0, rebounds.energy_after <= rebounds.speed**2
-    shares = rebounds.balance().itertuples(index=False)
-    return (
-        all(np.mean(rows) >= _MOST for rows in well)
-        and not any(off_balance(share, error) for share, error in shares)
-        and not friction_drives(rebounds)
-    )
+def _contradictions(rebounds: Rebounds) -> Iterator[str]:
+    """Yield what no law explains, taken over all rebounds."""
+    for name, (share, error) in rebounds.balance().iterrows():
+        if (share < 1.0 / FACTOR and share + _SURE * error < 1.0) or (share > FACTOR and share - _SURE * error > 1.0):
+            yield (
+                f"the spins do not balance: they change by {share:.3g} +- {error:.2g} times the moment of the "
+                f"impulse at the arm {name}, not by 1 times; is the sign of an arm, of omega or of u told wrongly, "
+                "or a unit?"
+            )
+    before, after = rebounds.slips
+    work = (rebounds.after[:, 0] - rebounds.before[:, 0]) * 0.5 * (before + after)
+    if len(work) >= _FEW and float(work.mean()) > _SURE * float(work.std()) / math.sqrt(len(work)):
+        yield "friction speeds up the slips of the contact point, u + b omega, where it can only slow them"
 
 
-def unexplained(rebounds: Rebounds) -> float:
-    """Return which share of the squares of the changes of spin the moments of the impulses leave unexplained.
+def _is_consistent(rebounds: Rebounds) -> bool:
+    """Whether some law may have made the rebounds."""
+    return all(np.mean(passes(rebounds)) >= _MOST for _, passes in _OF_EACH) and not any(_contradictions(rebounds))
+
+
+def _unexplained(rebounds: Rebounds) -> float:
+    """Share of the squares of the changes of spin that the moments of the impulses leave unexplained.
 
     A moment against the spin, in proportion to the normal impulse, is explained too: rolling resistance has it. The
     tenth of the rebounds that are explained worst do not count, as some may have been measured badly.
     """
-    change = (rebounds.after - rebounds.before) / rebounds.speed[:, None]
-    spins = rebounds.gyration_radius**2 * change[:, 2]
-    left = spins + rebounds.arms[:, 0] * change[:, 1] - rebounds.arms[:, 1] * change[:, 0]
-    rolling = np.sign(rebounds.before[:, 2]) * change[:, 1]
+    spins = rebounds.changes_of_spin / rebounds.speed
+    left = spins - rebounds.moments.sum(axis=1) / rebounds.speed
+    rolling = np.sign(rebounds.before[:, 2]) * (rebounds.after - rebounds.before)[:, 1] / rebounds.speed
     left = left - rolling * (rolling @ left) / max(float(rolling @ rolling), np.finfo(float).tiny)
     kept = math.ceil(_MOST * len(rebounds))
     squares, whole = (float(np.sort(of * of)[:kept].sum()) for of in (left, spins))
@@ -89,13 +139,31 @@ def remedy(rebounds: Rebounds) -> str:
 
     Of several that do, those are named that explain the spins best: a wrong one may be consistent by chance.
     """
-    found = {words: unexplained(other) for words, other in _read_otherwise(rebounds) if is_consistent(other)}
+    found = {words: _unexplained(other) for words, other in _read_otherwise(rebounds) if _is_consistent(other)}
     angle = other_zero(rebounds)
-    if angle is not None and is_consistent(turned := rebounds.oriented(rebounds.phi + angle)):
-        found[zero_words(angle)] = _ALIKE * unexplained(turned)  # a number was fitted to get there
+    if angle is not None and _is_consistent(turned := rebounds.oriented(rebounds.phi + angle)):
+        found[_zero_words(angle)] = _ALIKE * _unexplained(turned)  # a number was fitted to get there
     most = min(_UNEXPLAINED, max(_ALIKE * min(found.values(), default=math.inf), _NOTHING))
     best = [words for words, share in found.items() if share <= most]
     return f"; all would agree if {', or if '.join(best)}" if best else ""
+
+
+def _read_otherwise(rebounds: Rebounds) -> Iterator[tuple[str, Rebounds]]:
+    """Yield each remedy in words, and the rebounds that the table then holds."""
+    others = _REMEDIES_OF_ARMS if rebounds.body is None else _REMEDIES_OF_POSES
+    for words, phi, arms, velocities, radius in (*_REMEDIES, *others):
+        turned = rebounds if phi == 1 else rebounds.oriented(phi * rebounds.phi)
+        yield (
+            words,
+            replace(
+                turned,
+                gyration_radius=turned.gyration_radius * radius,
+                contacts=turned.contacts * np.array([*arms, *velocities]),
+                after=turned.after * np.array(velocities),
+            ),
+        )
+    swapped = np.hstack([rebounds.arms, rebounds.after])
+    yield "before and after were exchanged", replace(rebounds, contacts=swapped, after=rebounds.before)
 
 
 def other_zero(rebounds: Rebounds) -> float | None:
@@ -109,7 +177,7 @@ def other_zero(rebounds: Rebounds) -> float | None:
     some = rebounds.rows(np.unique(np.linspace(0, len(rebounds) - 1, min(len(rebounds), _ENOUGH)).astype(int)))
 
     def left(angle: float) -> float:
-        return unexplained(some.oriented(some.phi + angle))
+        return _unexplained(some.oriented(some.phi + angle))
 
     if left(0.0) < _BALANCED:
         return None
@@ -117,101 +185,15 @@ def other_zero(rebounds: Rebounds) -> float | None:
     angles = step * (np.arange(_ZEROS) - _ZEROS // 2)
     shares = np.array([left(angle) for angle in angles])
     valleys = angles[(shares <= np.roll(shares, 1)) & (shares < np.roll(shares, -1))]
-    ends = [
-        minimize_scalar(left, (angle - step, angle, angle + step), (angle - step, angle + step), method="bounded")
-        for angle in valleys
-    ]
-    if not ends:
-        return None
-    least = max(min(float(end.fun) for end in ends), _NOTHING)
+    ends = [minimize_scalar(left, bounds=(angle - step, angle + step)) for angle in valleys]
+    least = max(min((float(end.fun) for end in ends), default=math.inf), _NOTHING)
     if least > _UNEXPLAINED or left(0.0) < max(_HALF, 1.0 + _CLEARLY / (len(some) - 2)) * least:
         return None
     return min((float(end.x) for end in ends if end.fun <= _SAME * least), key=abs)
 
 
-def zero_words(angle: float) -> str:
-    """Return in words that orientations are to be larger by an angle [rad]."""
+def _zero_words(angle: float) -> str:
     return f"phi_rad, now from another zero, were larger by {angle:.3g} rad ({math.degrees(angle):.3g} degrees)"
-
-
-def _read_otherwise(rebounds: Rebounds) -> Iterator[tuple[str, Rebounds]]:
-    """Yield what else the table could mean, and the rebounds that it then holds."""
-    one, two, mirrored = (1.0, 1.0, 1.0), (1.0, 1.0), (1.0, -1.0, -1.0)
-    milli = _MILLI, _MILLI
-    told: list[tuple[str, Rebounds, tuple[float, ...], tuple[float, ...], float]] = [
-        ("the sign of v were turned", rebounds, two, (1.0, -1.0, 1.0), 1.0),
-        ("the sign of omega were turned", rebounds, two, (1.0, 1.0, -1.0), 1.0),
-        ("omega were in degrees a second", rebounds, two, (1.0, 1.0, _DEGREE), 1.0),
-        ("u and v were in mm/s", rebounds, two, (_MILLI, _MILLI, 1.0), 1.0),
-    ]
-    if rebounds.body is None:
-        told += [
-            ("y pointed away from the surface: turn the signs of v, omega and a", rebounds, (-1, 1), mirrored, 1),
-            # A mirror takes one of these to another, so that no law tells them apart.
-            ("the sign of b, or of u, or those of a and omega, were turned", rebounds, (1, -1), one, 1),
-            ("the sign of a were turned", rebounds, (-1, 1), one, 1),
-            ("the arms were in mm", rebounds, milli, one, 1),
-            ("the arms and the radius of gyration were in mm", rebounds, milli, one, _MILLI),
-            ("the radius of gyration were in mm", rebounds, two, one, _MILLI),
-        ]
-    else:
-        clockwise, degrees = rebounds.oriented(-rebounds.phi), rebounds.oriented(_DEGREE * rebounds.phi)
-        told += [
-            ("y pointed away from the surface: turn the signs of v, omega and phi_rad", clockwise, two, mirrored, 1),
-            ("all angles counted clockwise: turn the signs of phi_rad and omega", clockwise, two, (1, 1, -1), 1),
-            ("phi_rad alone counted clockwise, from y to x: turn its sign", clockwise, two, one, 1),
-            ("the sign of u were turned", rebounds, two, (-1, 1, 1), 1),
-            ("phi_rad were in degrees", degrees, two, one, 1),
-            ("phi_rad were in degrees, and omega in degrees a second", degrees, two, (1, 1, _DEGREE), 1),
-            ("all lengths of the body were in mm: give them in m", rebounds, milli, one, _MILLI),
-            ("the outline of the body were in mm, not its radius of gyration: give it in m", rebounds, milli, one, 1),
-        ]
-    for words, other, arms, velocities, radius in told:
-        yield words, _scaled(other, arms, velocities, radius)
-    swapped = np.hstack([rebounds.arms, rebounds.after])
-    yield "before and after were exchanged", replace(rebounds, contacts=swapped, after=rebounds.before)
-
-
-def _scaled(rebounds: Rebounds, arms: tuple[float, ...], velocities: tuple[float, ...], radius: float) -> Rebounds:
-    factors: Floats = np.array([*arms, *velocities])
-    return replace(
-        rebounds,
-        gyration_radius=rebounds.gyration_radius * radius,
-        contacts=rebounds.contacts * factors,
-        after=rebounds.after * factors[2:],
-    )
-
-
-def doubts(rebounds: Rebounds) -> Iterator[str]:
-    """What is strange about rebounds, whatever the law, a sentence each."""
-    found = list(_contradictions(rebounds))
-    if found:
-        mended = remedy(rebounds)
-        yield from (f"{text}{mended}" for text in found)
-    elif (angle := other_zero(rebounds)) is not None:
-        yield f"the spins would balance far better if {zero_words(angle)}"
-    for what, rows in (
-        ("still approach afterwards", rebounds.opening < 0.0),
-        ("have more energy after than before", rebounds.energy_after > rebounds.speed**2),
-    ):
-        if rows.any():
-            first = rebounds.place(int(np.argmax(rows)))
-            yield f"{np.count_nonzero(rows)} rebounds {what}, the first of them in {first}"
-    if rebounds.normal_alone:
-        yield "normal speeds alone tell the restitution, and nothing of friction and rolling arms"
-
-
-def _contradictions(rebounds: Rebounds) -> Iterator[str]:
-    """What no law explains, taken over all rebounds."""
-    for name, (share, error) in rebounds.balance().iterrows():
-        if off_balance(share, error):
-            yield (
-                f"the spins do not balance: they change by {share:.3g} +- {error:.2g} times the moment of the "
-                f"impulse at the arm {name}, not by 1 times; is the sign of an arm, of omega or of u told wrongly, "
-                "or a unit?"
-            )
-    if friction_drives(rebounds):
-        yield "friction speeds up the slips of the contact point, u + b omega, where it can only slow them"
 
 
 def check_slips(rebounds: Rebounds) -> None:
@@ -226,7 +208,7 @@ def check_slips(rebounds: Rebounds) -> None:
     ValueError
     """
     a, b = rebounds.arms.T
-    slip, after = (of[:, 0] + b * of[:, 2] for of in (rebounds.before, rebounds.after))
+    slip, after = rebounds.slips
     unrolled = slip + (1.0 + (b / rebounds.gyration_radius) ** 2) * (rebounds.after[:, 0] - rebounds.before[:, 0])
     rows = np.flatnonzero((np.abs(a) <= _CENTRED * np.abs(b)) & (slip != 0.0))
     left = np.clip(np.maximum(after[rows] / slip[rows], unrolled[rows] / slip[rows]), -1.0, 1.0)  # of the slip before
@@ -251,9 +233,8 @@ def read_rebounds(
     body: Body | None = None,
     *,
     gyration_radius: float | None = None,
-    measured: bool = True,
 ) -> Rebounds:
-    """Check a table of rebounds as :func:`sledenv.identify` takes it, but for velocities after unless ``measured``.
+    """Check a table of rebounds as :func:`sledenv.identify` takes it.
 
     Raises
     ------
@@ -267,7 +248,7 @@ def read_rebounds(
     if not len(table):
         raise ValueError("the table has no rows")
     table = numbered(table)
-    alone = _normal_speeds(table) if measured else None
+    alone = _normal_speeds(table)
     if alone is None and (body is None) == (gyration_radius is None):
         raise ValueError("body, gyration_radius: one of them must be given, and one only")
     if body is not None:
@@ -285,7 +266,7 @@ def read_rebounds(
         before[:, 1], after[:, 1] = speeds.T
     else:
         before = columns(table, BEFORE)
-        after = columns(table, AFTER) if measured else np.full_like(before, np.nan)
+        after = columns(table, AFTER)
         if body is not None:
             phi = columns(table, POSE)[:, 0]
             reach, corner = arms_of(body, phi)
@@ -301,7 +282,7 @@ def read_rebounds(
         raise ValueError(
             f"{found.place(row)}: the gap opens at {-found.approach[row]:.4g} m/s before the impact, where it must "
             f"close (v_before - a omega_before < 0); {np.count_nonzero(leaving)} of {len(found)} rows are no rebounds"
-            + (remedy(found) if measured else "")
+            + remedy(found)
         )
     return found
 
@@ -330,5 +311,5 @@ def _normal_speeds(table: pd.DataFrame) -> tuple[pd.DataFrame, Floats] | None:
         rows += at[1:-1].tolist()
         speeds += [(-_HALF_GRAVITY * before, _HALF_GRAVITY * after) for before, after in pairwise(lasted.tolist())]
     if not rows:
-        raise ValueError(f"{TOUCHDOWN}: must have {_BOUNCES} rows or more of a recording, to tell a rebound")
+        raise ValueError(f"{TOUCHDOWN}: must have 3 rows or more of a recording, to tell a rebound")
     return table.iloc[rows], np.array(speeds)

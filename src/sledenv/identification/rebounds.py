@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sledenv.identification.objective import Floats
+from sledenv.identification.fitting import Floats
 from sledenv.pages.columns import REBOUND_COLUMNS, TRAJECTORY_COLUMNS
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.support import lowest_arms, within_a_turn
@@ -89,7 +89,7 @@ class Rebounds:
 
     @property
     def scales(self) -> Floats:
-        """What makes velocities comparable: square roots of M over the mass, (1, 1, radius of gyration)."""
+        """Factors that make velocities comparable: square roots of M over the mass, (1, 1, radius of gyration)."""
         return np.array([1.0, 1.0, self.gyration_radius])
 
     @cached_property
@@ -107,6 +107,12 @@ class Rebounds:
     def opening(self) -> Floats:
         """Speed [m/s] at which the gap opens afterwards, shape (N,)."""
         return self.after[:, 1] - self.contacts[:, 0] * self.after[:, 2]
+
+    @property
+    def slips(self) -> tuple[Floats, Floats]:
+        """Velocities u + b omega [m/s] of the contact point along the slope, before and after, shape (N,) each."""
+        b = self.contacts[:, 1]
+        return self.before[:, 0] + b * self.before[:, 2], self.after[:, 0] + b * self.after[:, 2]
 
     @property
     def energy_after(self) -> Floats:
@@ -133,6 +139,17 @@ class Rebounds:
         found: Floats = np.linalg.norm(self.residuals(velocities), axis=1)
         return found
 
+    @property
+    def moments(self) -> Floats:
+        """Moments of the recorded impulses over the mass [m^2/s], about the arms a and b, shape (N, 2)."""
+        change = self.after - self.before
+        return np.stack([-self.arms[:, 0] * change[:, 1], self.arms[:, 1] * change[:, 0]], axis=1)
+
+    @property
+    def changes_of_spin(self) -> Floats:
+        """Changes of spin times the square of the radius of gyration [m^2/s], shape (N,)."""
+        return self.gyration_radius**2 * (self.after - self.before)[:, 2]
+
     def balance(self) -> pd.DataFrame:
         """Compare the recorded spins with the moments of the recorded impulses about the arms, whatever the law.
 
@@ -146,9 +163,7 @@ class Rebounds:
         DataFrame
             Rows ``a`` and ``b``: ``share`` [-] and its standard ``error``, NaN where that arm does not turn the body.
         """
-        change = self.after - self.before
-        moments = np.stack([-self.arms[:, 0] * change[:, 1], self.arms[:, 1] * change[:, 0]], axis=1)
-        spin = self.gyration_radius**2 * change[:, 2]
+        moments, spin = self.moments, self.changes_of_spin
         told = np.linalg.norm(moments, axis=0) > 1e-9 * np.linalg.norm(spin)
         found = pd.DataFrame(np.nan, ["a", "b"], ["share", "error"])
         if told.any() and len(self) > 2:

@@ -11,11 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from sledenv.identification.comparison import Comparison
-from sledenv.identification.objective import Floats
+from sledenv.identification.fitting import Floats
 from sledenv.identification.rebound_fit import Identification
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE
+from sledenv.identification.recordings import POSE, TIME
 from sledenv.identification.tables import RECORDING
-from sledenv.identification.tracks import POSE, TIME, TrackFit
+from sledenv.identification.tracks import TrackFit
 from sledenv.machine.files import no_formula
 from sledenv.pages.columns import TRAJECTORY_COLUMNS
 from sledenv.pages.replay import replay_page
@@ -33,7 +34,7 @@ _DPI = 150
 
 
 def rebound_table(found: Identification) -> pd.DataFrame:
-    """Return one row a rebound: recording by number, arms, velocities before, after and as fitted, residuals, error.
+    """Return one row per rebound: recording by number, arms, velocities before, after and as fitted, residuals, error.
 
     Residuals are fitted less recorded velocities in the energy norm, relative to the speed before; the error is the
     length of the three.

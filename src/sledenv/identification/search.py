@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -9,21 +10,30 @@ from functools import lru_cache, partial
 
 import numpy as np
 
-from sledenv.identification.fitting import AGAIN, ROUNDING, Fit, Interval, LocalMinimumError, profiled, solve
+from sledenv.identification.fitting import (
+    AGAIN,
+    ROUNDING,
+    Fit,
+    Floats,
+    Interval,
+    LocalMinimumError,
+    Loss,
+    Parameter,
+    Problem,
+    profiled,
+    solve,
+)
 from sledenv.identification.flights import (
-    FEWEST,
-    LAW,
     Flight,
-    Recording,
     explained,
     first_guess,
     flights_of,
-    grid_of,
     law_of,
     lifted,
     likely_laws,
 )
-from sledenv.identification.objective import Floats, Loss, Parameter, Problem
+from sledenv.identification.law import LAW
+from sledenv.identification.recordings import FEWEST, Recording
 from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
@@ -33,10 +43,14 @@ from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate
 
 STIFFNESS = "log10_stiffness"
+CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level 0.95
+_TOLD = (STIFFNESS, *LAW)  # parameters before the launches
 _UNITS = dict(zip(State._fields, ("m", "m", "rad", "m/s", "m/s", "rad/s"), strict=True))
+_WIDEST = {"stiffness": (1e-6, 1e15), "friction": (0.0, 100.0)}  # of bounds that are given
 _TAIL = 0.08  # [s] by which a horizon grows where flights are too short to be told apart
 _APART = 15.0  # by which the cost of a law may exceed the least one: half of what chi-squared may
 _KEPT = 8  # laws that are followed at a time
+_EVEN, _SMALL = (0.1, 0.5, 0.9), (0.01, 0.15, 0.6)  # of bounds: restitution; friction and arms, where none is told
 _DRAWS = 32  # laws and launches that are drawn for each rebound
 _BACK = 4  # rebounds from which more are drawn where none of those explains what follows
 _SCANNED = np.linspace(0.0, 1.0, 24) ** 3  # of bounds of friction and arm, where they are tried
@@ -46,7 +60,6 @@ _BESIDE = (1.05, 1.15, 1.3, 1.6, 2.2, 4.0)  # factors of a friction, where anoth
 _EQUAL = 1e-3  # difference of two costs that counts as none
 _ALIKE = 0.05  # of their scales: laws that differ by less are one
 _TAME = 3.0  # noise levels from which a pose counts as wrong
-CLOSE = 1.92  # by which the cost of a law may exceed the least one so that it is in an interval of level .95
 _LIMIT = 15  # steps of one minimisation on the way
 _LONGEST, _SHORTEST = 0.1, 0.02  # contacts of stiffnesses that are tried: [s], and in intervals of frames
 _STIFFNESSES = 7  # that are tried at the start
@@ -59,67 +72,59 @@ def parameters_of(
     """Return all parameters: those of the law, then the launches."""
     frame = min(float(np.median(np.diff(one.times))) for one in recordings)
     arm = body.radius if isinstance(body, Segment) and body.radius > 0.0 else body.size
-    default = {
-        "stiffness": tuple(
-            body.mass * (math.pi / time) ** 2 for time in (_LONGEST, min(_SHORTEST * frame, 0.1 * _LONGEST))
-        ),
+    longest, shortest = (body.mass * (math.pi / time) ** 2 for time in (_LONGEST, min(_SHORTEST * frame, 0.01)))
+    usual = {
+        "stiffness": (longest, shortest),
         "restitution": (0.0 if solver == "rigid" else _LEAST, 1.0),
         "friction": (0.0, 1.5),
         "rolling_arm": (0.0, arm),
         "corner_rolling_arm": (0.0, arm),
     }
-    widest = default | {"stiffness": (1e-6, 1e15), "friction": (0.0, 100.0)}
-    for name, pair in bounds.items():
-        if name not in default or (name == "stiffness" and solver == "rigid"):
-            raise ValueError(f"bounds: {name!r} is not fitted: must be one of {', '.join(default)}")
-        low, high = pair
-        least, most = widest[name]
+    for name, (low, high) in bounds.items():
+        if name not in usual or (name == "stiffness" and solver == "rigid"):
+            raise ValueError(f"bounds: {name!r} is not fitted: must be one of {', '.join(usual)}")
+        least, most = (usual | _WIDEST)[name]
         if not least <= low < high <= most:
             raise ValueError(f"bounds: {name} = ({low!r}, {high!r}): must be in order and in [{least:g}, {most:g}]")
-    low, high = np.log10((default | dict(bounds))["stiffness"]).tolist()
-    found = [Parameter(STIFFNESS, "", low, high, 0.3)]
-    for name, scale in zip(LAW, (0.05, 0.05, 0.02 * arm, 0.02 * arm), strict=True):
-        unit = "m" if name.endswith("arm") else ""
-        low, high = (default | dict(bounds))[name]
-        found.append(Parameter(name, unit, low, high, scale))
+    ends = usual | dict(bounds)
+    scales = {"restitution": 0.05, "friction": 0.05, "rolling_arm": 0.02 * arm, "corner_rolling_arm": 0.02 * arm}
+    found = [Parameter(STIFFNESS, "", *np.log10(ends["stiffness"]).tolist(), 0.3)]
+    found += [Parameter(name, "m" if name.endswith("arm") else "", *ends[name], scales[name]) for name in LAW]
     for recording in recordings:
-        found.extend(_launch_parameters(body, recording, len(recordings) > 1))
+        found += _launch_parameters(body, recording, f"[{recording.name}]" if len(recordings) > 1 else "")
     return found
 
 
-def _launch_parameters(body: Body, recording: Recording, several: bool) -> list[Parameter]:
+def _launch_parameters(body: Body, recording: Recording, suffix: str) -> list[Parameter]:
     """Bounds of a launch: no farther away, nor faster, than the poses are apart."""
     size, frame = body.size, float(np.diff(recording.times).min())
-    middle, wide = (
-        np.median(recording.poses, axis=0),
-        np.ptp(recording.poses, axis=0) + np.array([size, size, 2.0 * math.pi]),
-    )
+    middle = np.median(recording.poses, axis=0)
+    wide = np.ptp(recording.poses, axis=0) + np.array([size, size, 2.0 * math.pi])
     fastest = np.array([size, size, math.pi]) / frame + wide / np.ptp(recording.times)
     second = math.sqrt(size / 9.81)  # a typical time of a fall
     low, high = np.append(middle - wide, -fastest), np.append(middle + wide, fastest)
     scales = 0.03 * np.array([size, size, 1.0, size / second, size / second, 1.0 / second])
-    suffix = f"[{recording.name}]" if several else ""
     rows = zip(_UNITS.items(), low.tolist(), high.tolist(), scales.tolist(), strict=True)
     return [Parameter(name + suffix, unit, least, most, scale) for (name, unit), least, most, scale in rows]
 
 
 def known_of(fixed: Mapping[str, float], bounds: Mapping[str, tuple[float, float]]) -> dict[str, float]:
-    """Values of the parameters that are not fitted, by the names of the fit."""
-    for name in fixed:
+    """Return the values of the parameters that are not fitted, by the names of the fit."""
+    found = {} if "corner_rolling_arm" in bounds else {"corner_rolling_arm": 0.0}
+    for name, value in fixed.items():
         if name not in (*LAW, "stiffness"):
             raise ValueError(f"fixed: {name!r} is no parameter: must be one of {', '.join((*LAW, 'stiffness'))}")
         if name in bounds:
             raise ValueError(f"bounds: {name!r} is fixed")
-    found = {name: checked("fixed", name, value, FINITE) for name, value in fixed.items() if name != "stiffness"}
-    if "corner_rolling_arm" not in bounds:
-        found.setdefault("corner_rolling_arm", 0.0)
-    if "stiffness" in fixed:
-        found[STIFFNESS] = math.log10(checked("fixed", "stiffness", fixed["stiffness"], POSITIVE))
+        if name == "stiffness":
+            found[STIFFNESS] = math.log10(checked("fixed", name, value, POSITIVE))
+        else:
+            found[name] = checked("fixed", name, value, FINITE)
     return found
 
 
 class Model:
-    """What is fitted to recordings: the descents simulated from a law and launches, at the times of the frames."""
+    """Descents simulated from a law and launches, at the times of the frames of recordings."""
 
     def __init__(
         self,
@@ -136,14 +141,14 @@ class Model:
         self._rows = lru_cache(maxsize=4 * len(recordings))(self._simulated_rows)
 
     def problem(self, frames: Sequence[int], fixed: Mapping[str, float], loss: Loss | None = None) -> Problem:
-        """Problem of fitting the first frames of each recording, with the loss of the model by default."""
+        """Return the problem of fitting the first frames of each recording, with the loss of the model by default."""
         clusters = np.repeat(np.arange(len(frames)), frames)
-        residuals = partial(self.residuals, tuple(frames))
+        residuals = partial(self._residuals, frames)
         return Problem(self.parameters, residuals, fixed, clusters, loss=loss or self.loss, loss_scale=_TAME)
 
-    def residuals(self, frames: Sequence[int], values: Floats) -> Floats:
+    def _residuals(self, frames: Sequence[int], values: Floats) -> Floats:
         """Residuals of the first frames of each recording, shape (sum of frames, 3), in noise levels."""
-        law, launches = values[: len(LAW) + 1].tobytes(), values[len(LAW) + 1 :].reshape(-1, 6)
+        law, launches = values[: len(_TOLD)].tobytes(), values[len(_TOLD) :].reshape(-1, 6)
         return np.concatenate([self._rows(i, count, law, launches[i].tobytes()) for i, count in enumerate(frames)])
 
     def _simulated_rows(self, i: int, frames: int, law: bytes, launch: bytes) -> Floats:
@@ -174,83 +179,81 @@ class Search:
 
     def __init__(self, model: Model, fixed: Mapping[str, float], rng: np.random.Generator) -> None:
         self.model, self.fixed, self.rng = model, fixed, rng
-        body, slope, recordings = model.body, model.slope, model.recordings
-        self.flights = [list(flights_of(body, slope, one)) for one in recordings]
-        self.horizons = [_horizons(track, one) for track, one in zip(self.flights, recordings, strict=True)]
-        self.level = [0] * len(recordings)
+        self.flights = [list(flights_of(model.body, model.slope, one)) for one in model.recordings]
+        self.horizons = [_horizons(track, one) for track, one in zip(self.flights, model.recordings, strict=True)]
+        self.level = [0] * len(self.flights)
         self.open = [i for i, horizon in enumerate(self.horizons) if len(horizon) > 1]
-        self.starts: list[dict[str, float]] = []
+        self.starts = self._first()
 
     def run(self) -> list[Fit]:
         """Return fits to all that is explained, the best first."""
         found: list[Fit] = []
-        history: list[Fit] = []
-        candidates = self.starts = self._first()
+        best: list[Fit] = []  # of each level
+        candidates: Sequence[Mapping[str, float]] = self.starts
         while self.open:
             level = [count + (i in self.open) for i, count in enumerate(self.level)]
             rebounds = any(level[i] < len(self.flights[i]) for i in self.open)
-            drawn = self._drawn(history[-1:], level) if rebounds else []
-            fits = self._fitted([*candidates, *drawn], level)
+            fits = self._fitted([*candidates, *self._drawn(best[-1:] if rebounds else [], level)], level)
             if self._unexplained(fits[0], level):
-                more = self._drawn(history[-_BACK:], level) if history else self._nearer(candidates, level)
+                more = self._drawn(best[-_BACK:], level) if best else self._nearer(candidates, level)
                 fits = distinct([*fits, *self._fitted(more, level, len(more))])
             failed = self._unexplained(fits[0], level)
             if failed:
                 self.open = [i for i in self.open if i not in failed]
                 continue
             found, candidates, self.level = fits, [fit.values for fit in fits], level
-            history.append(fits[0])
+            best.append(fits[0])
             self.open = [i for i in self.open if level[i] + 1 < len(self.horizons[i])]
         return found
 
-    def frames(self, level: Sequence[int]) -> list[int]:
-        """How many frames of each recording are used."""
-        return [horizon[k] for horizon, k in zip(self.horizons, level, strict=True)]
+    def frames(self, level: Sequence[int]) -> tuple[int, ...]:
+        """Return how many frames of each recording are used."""
+        return tuple(horizon[k] for horizon, k in zip(self.horizons, level, strict=True))
+
+    def _problem(self, level: Sequence[int], loss: Loss | None = None) -> Problem:
+        return self.model.problem(self.frames(level), self.fixed, loss)
 
     def _first(self) -> list[dict[str, float]]:
         """Laws to begin with, and the launches."""
         model = self.model
-        launches = [
-            track[0].launch if track else first_guess(model.slope, one)
-            for track, one in zip(self.flights, model.recordings, strict=True)
-        ]
-        names = [one.name for one in model.parameters]
-        stiff, *law = model.parameters[: len(LAW) + 1]
+        stiff, *law = model.parameters[: len(_TOLD)]
         held = {name: value for name, value in self.fixed.items() if name in LAW}
         if any(len(track) > 1 for track in self.flights):
             first = [track[:2] for track in self.flights]  # later ones may not be flights
             laws = [one for tracks in (first, self.flights) for one in likely_laws(model.body, tracks, law, held)]
         else:
-            laws = [
-                dict(zip(LAW, values, strict=True)) for values in grid_of(law, held, few=True).reshape(-1, len(LAW))
+            tried = [
+                [held[one.name]] if one.name in held else [one.low + (one.high - one.low) * share for share in shares]
+                for one, shares in zip(law, (_EVEN, _SMALL, _SMALL, _SMALL), strict=True)
             ]
-        levels = np.linspace(stiff.low, stiff.high, _STIFFNESSES)
+            laws = [dict(zip(LAW, values, strict=True)) for values in itertools.product(*tried)]
+        levels = np.linspace(stiff.low, stiff.high, _STIFFNESSES).tolist()
         if STIFFNESS in self.fixed:
-            levels = np.array([self.fixed[STIFFNESS]])
-        begun = np.concatenate([np.array(launch) for launch in launches])
+            levels = [self.fixed[STIFFNESS]]
+        launches: list[float] = []
+        for track, one in zip(self.flights, model.recordings, strict=True):
+            launches += track[0].launch if track else first_guess(model.slope, one)
+        names = [one.name for one in model.parameters]
         low, high = np.array([one[2:4] for one in model.parameters]).T
-        return [
-            dict(zip(names, np.clip([level, *(one[name] for name in LAW), *begun], low, high).tolist(), strict=True))
-            for level in levels
-            for one in laws
+        rows = [
+            np.clip([level, *(one[name] for name in LAW), *launches], low, high) for level in levels for one in laws
         ]
+        return [dict(zip(names, row.tolist(), strict=True)) for row in rows]
 
     def _fitted(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int], most: int = _KEPT) -> list[Fit]:
         """Fit from those candidates whose cost is lowest."""
-        problem = self.model.problem(self.frames(level), self.fixed)
-        costs = [problem.cost(problem.values(one)) for one in candidates]
-        order = np.argsort(costs, kind="stable")[:most]
-        return distinct([solve(problem, candidates[k], starts=1, limit=_LIMIT) for k in order.tolist()])
+        problem = self._problem(level)
+        return distinct([solve(problem, one, starts=1, limit=_LIMIT) for one in _cheapest(problem, candidates, most)])
 
-    def _nearer(self, candidates: Sequence[dict[str, float]], level: Sequence[int]) -> list[dict[str, float]]:
+    def _nearer(self, candidates: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Mapping[str, float]]:
         """Candidates, and what fits from them find that take no pose for wrong: of exact ones all look so at first."""
-        problem = self.model.problem(self.frames(level), self.fixed, "linear")
+        problem = self._problem(level, "linear")
         return [*candidates, *(solve(problem, one, starts=1, limit=_LIMIT).values for one in candidates)]
 
     def _unexplained(self, fit: Fit, level: Sequence[int]) -> list[int]:
         """Recordings whose new frames, or all of them, differ from a fit by more than noise."""
         rows = np.split(fit.problem.rows(fit.vector), np.cumsum(self.frames(level))[:-1])
-        begun = [horizon[k] for horizon, k in zip(self.horizons, self.level, strict=True)]
+        begun = self.frames(self.level)
         return [i for i in self.open if not (explained(rows[i]) and explained(rows[i][begun[i] :]))]
 
     def _drawn(self, fits: Sequence[Fit], level: Sequence[int]) -> list[Mapping[str, float]]:
@@ -258,17 +261,17 @@ class Search:
 
         Several laws may explain the first rebounds equally well, so that the next one tells which of them are right.
         """
+        problem = self._problem(level)
         found = []
         for fit in fits:
             guessed = [fit.values | {name: one[name] for name in LAW} for one in self.starts]
             for group in (guessed, _like(fit, self.rng)):
-                found += self._cheapest(group, level)
+                found += _cheapest(problem, group, _TRIED)
         return found
 
-    def _cheapest(self, group: Sequence[Mapping[str, float]], level: Sequence[int]) -> list[Mapping[str, float]]:
-        problem = self.model.problem(self.frames(level), self.fixed)
-        costs = [problem.cost(problem.values(one)) for one in group]
-        return [group[k] for k in np.argsort(costs, kind="stable")[:_TRIED].tolist()]
+
+def _cheapest(problem: Problem, group: Sequence[Mapping[str, float]], most: int) -> list[Mapping[str, float]]:
+    return sorted(group, key=lambda values: problem.cost(problem.values(values)))[:most]
 
 
 def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
@@ -277,20 +280,19 @@ def _like(fit: Fit, rng: np.random.Generator) -> list[dict[str, float]]:
     Those of the fit as well, but for a friction or an arm anywhere in its bounds: the cost may be flat there.
     """
     names = fit.problem.free
-    covariance = fit.covariance.to_numpy()
-    told = np.isfinite(np.diag(covariance))
     low, high = np.array([fit.problem.parameter(name)[2:4] for name in names]).T
     values = np.tile([fit.values[name] for name in names], (_DRAWS, 1))
+    covariance = fit.covariance.to_numpy()
+    told = np.isfinite(np.diag(covariance))
     left, sizes, _ = np.linalg.svd(covariance[np.ix_(told, told)], hermitian=True)
     values[:, told] += rng.standard_normal((_DRAWS, told.sum())) @ (left * np.sqrt(sizes)).T * _WIDER
-    untold = ~told & np.array([name in (*LAW, STIFFNESS) for name in names])
+    untold = ~told & np.isin(names, _TOLD)
     anywhere = low + (high - low) * rng.uniform(size=values.shape) ** 3  # small ones make more of a difference
     values[:, untold] = anywhere[:, untold]
-    drawn = [dict(zip(names, row, strict=True)) for row in np.clip(values, low, high).tolist()]
-    for name in ("friction", "rolling_arm"):
-        if name in names:
-            one = fit.problem.parameter(name)
-            drawn += [fit.values | {name: one.low + (one.high - one.low) * share} for share in _SCANNED.tolist()]
+    drawn = [fit.values | dict(zip(names, row, strict=True)) for row in np.clip(values, low, high).tolist()]
+    for name in (name for name in ("friction", "rolling_arm") if name in names):
+        one = fit.problem.parameter(name)
+        drawn += [fit.values | {name: one.low + (one.high - one.low) * share} for share in _SCANNED.tolist()]
     return drawn
 
 
@@ -303,24 +305,19 @@ def _horizons(flights: Sequence[Flight], recording: Recording) -> list[int]:
 
 
 def distinct(fits: Sequence[Fit]) -> list[Fit]:
-    """Fits whose costs are near the least one, the best first, one for each law."""
+    """Return fits whose costs are near the least one, the best first, one for each law."""
     kept: list[Fit] = []
     for fit in sorted(fits, key=lambda fit: fit.cost):
-        if kept and fit.cost > kept[0].cost + _APART:
-            break
-        if all(_differ(fit, other) for other in kept):
+        if fit.cost <= (kept or [fit])[0].cost + _APART and all(_differ(fit, other) for other in kept):
             kept.append(fit)
     return kept[:_KEPT]
 
 
 def _differ(one: Fit, other: Fit) -> bool:
     """Whether two fits are minima of their own: one may be flat, as where rebounds do not tell the friction."""
-    if abs(one.cost - other.cost) < _EQUAL:
-        return False
-    names = [name for name in one.problem.free if name in (*LAW, STIFFNESS)]
-    scales = [one.problem.parameter(name).scale for name in names]
-    return any(
-        abs(one.values[name] - other.values[name]) > _ALIKE * scale for name, scale in zip(names, scales, strict=True)
+    law = [parameter for parameter in one.problem.parameters if parameter.name in _TOLD]
+    return abs(one.cost - other.cost) >= _EQUAL and any(
+        abs(one.values[name] - other.values[name]) > _ALIKE * scale for name, *_, scale in law
     )
 
 
@@ -329,10 +326,9 @@ def settled(fits: Sequence[Fit], again: int = AGAIN) -> tuple[Fit, dict[str, Int
 
     A minimum with a lower cost, here or beside an interval, is where the fit goes on, so many times at most.
     """
-    names = [name for name in fits[0].problem.free if name in (*LAW, STIFFNESS)]
-    fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names=names)
-    rows = fit.problem.rows(fit.vector)
-    allowed = 2.0 * CLOSE * fit.cost / (rows.size - len(fit.problem.free))
+    names = [name for name in fits[0].problem.free if name in _TOLD]
+    fit, intervals = profiled(solve(fits[0].problem, fits[0].values, starts=1), names)
+    allowed = 2.0 * CLOSE * fit.cost / (fit.problem.rows(fit.vector).size - len(fit.problem.free))
     for values in (*(other.values for other in fits[1:]), *_beside(fit, intervals)):
         other = solve(fit.problem, values, starts=1)
         inside = all(ends.low <= other.values[name] <= ends.high for name, ends in intervals.items())
@@ -352,12 +348,10 @@ def _beside(fit: Fit, intervals: Mapping[str, Interval]) -> Iterator[dict[str, f
 
     Beyond a friction at which a rebound stops to slip, the cost may rise at first and fall again.
     """
-    if "friction" not in intervals:
-        return
-    low, high, *_ = intervals["friction"]
-    friction = fit.problem.parameter("friction")
-    for factor in _BESIDE:
-        for value in (low / factor, high * factor):
+    if "friction" in intervals:
+        low, high, *_ = intervals["friction"]
+        friction = fit.problem.parameter("friction")
+        for value in (end for factor in _BESIDE for end in (low / factor, high * factor)):
             if friction.low <= value <= friction.high:
                 cost, values = fit.held(friction=value)
                 if cost < fit.cost + _APART:
@@ -367,4 +361,4 @@ def _beside(fit: Fit, intervals: Mapping[str, Interval]) -> Iterator[dict[str, f
 def _hull(one: Interval, other: Interval) -> Interval:
     """Return the smallest interval that holds both."""
     low, high = min(one, other, key=lambda ends: ends.low), max(one, other, key=lambda ends: ends.high)
-    return Interval(low.low, high.high, one.level, low.low_on_bound, high.high_on_bound)
+    return Interval(low.low, high.high, low.low_on_bound, high.high_on_bound)

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike
 
-from sledenv.identification.objective import Floats
+from sledenv.identification.fitting import Floats
 from sledenv.machine.text_tables import check_quotes
 from sledenv.pages.columns import rebound_columns, rebound_rows, trajectory_columns
 from sledenv.simulation.bodies import Body, made_body
@@ -79,7 +79,7 @@ def place(table: pd.DataFrame, row: int) -> str:
 
 
 def recorded_names(table: pd.DataFrame) -> pd.Series | None:
-    """Return what the rows of a numbered table say which recording they are of, None if there is no such column.
+    """Return the names of the recordings of the rows of a numbered table, None if there is no such column.
 
     Raises
     ------
@@ -107,6 +107,8 @@ def _only(table: pd.DataFrame, name: str) -> pd.Series:
 
 def numbers(table: pd.DataFrame, name: str) -> Floats:
     """Return a column as floats of usual size, NaN where there is nothing, or raise ValueError naming row and value."""
+    if name not in table:
+        raise ValueError(f"{name}: there is no such column{_alike(name, table)}")
     column = _only(table, name)
     kinds = pd.api.types
     text = kinds.is_object_dtype(column) or kinds.is_string_dtype(column)
@@ -119,7 +121,7 @@ def numbers(table: pd.DataFrame, name: str) -> Floats:
         value = reprlib.repr(column.iloc[row])
         raise ValueError(f"{name}, {place(table, row)}: is {value}, must be a number, with a decimal point")
     floats: Floats = found.to_numpy(float, na_value=np.nan)
-    beyond = np.isfinite(floats) & (np.abs(floats) > LARGEST)
+    beyond = np.abs(floats) > LARGEST
     if beyond.any():
         row = int(np.argmax(beyond))
         raise ValueError(f"{name}, {place(table, row)}: is {floats[row]:g}, must be in [-{LARGEST:g}, {LARGEST:g}]")
@@ -128,19 +130,15 @@ def numbers(table: pd.DataFrame, name: str) -> Floats:
 
 def columns(table: pd.DataFrame, names: tuple[str, ...]) -> Floats:
     """Return columns as finite floats, shape (N, names), or raise ValueError naming column, row and value."""
-    for name in names:
-        if name not in table:
-            raise ValueError(f"{name}: there is no such column{_alike(name, table)}")
     found = np.stack([numbers(table, name) for name in names], axis=-1)
-    if not np.isfinite(found).all():
-        row, column = (int(place[0]) for place in np.nonzero(~np.isfinite(found)))
-        where = f"{names[column]}, {place(table, row)}"
-        raise ValueError(f"{where}: is {found[row, column]}, must be a finite number")
+    if np.isnan(found).any():
+        row, column = np.argwhere(np.isnan(found))[0].tolist()
+        raise ValueError(f"{names[column]}, {place(table, row)}: is nan, must be a finite number")
     return found
 
 
 def _alike(name: str, table: pd.DataFrame) -> str:
-    """What the table has in place of a column: the same quantity without its unit or in another one."""
+    """Say what the table has in place of a column: the same quantity without its unit or in another one."""
     stem = name.removesuffix("_rad_s").removesuffix("_m_s").removesuffix("_rad").removesuffix("_m")
     near = [str(other) for other in table.columns if str(other) == stem or str(other).startswith(f"{stem}_")]
     if near:
