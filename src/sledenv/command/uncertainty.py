@@ -49,4 +49,6 @@ def study(
     tables = {name: getattr(found, name) for name in ("shares", "quantiles", "stops", "envelopes", "sobol")}
     named = {"study": given.id, "launches": found.launches, "solver": given.solver}
     page = f"study: wrote {folder / 'study.html'}, with tables and pictures beside it"
-    tell(f"{title}\n\n{found.words}\n\n{given.id}: {found.answer}\n{page}", named | tables | {"written": [folder]}, json)
+    tell(
+        f"{title}\n\n{found.words}\n\n{given.id}: {found.answer}\n{page}", named | tables | {"written": [folder]}, json
+    )
