@@ -15,7 +15,7 @@ from sledenv import ContactLaw, Slope, State, simulate
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.checks import checked_scenes
 from sledenv.uncertainty import Study, load_study, run
-from sledenv.uncertainty.passages import descend_over
+from sledenv.uncertainty.descents import descend_over
 
 GRAVITY = 9.81
 Polyline = Sequence[tuple[float, float]]
@@ -30,7 +30,7 @@ def speeds(body: Body, surface: ContactLaw, ground: Polyline, launch: State, sta
     slope = Slope(0.0, ground[-1][0], GRAVITY, profile=ground)
     settings = sledenv.Settings(max_time=100.0)
     scenes = checked_scenes(body, surface, slope, [launch], settings)
-    return descend_over(scenes, np.array(stations), settings).speed[0]
+    return descend_over(scenes, np.array(stations), settings).columns["speed_m_s"][0]
 
 
 def two_slopes(first: float, second: float) -> Polyline:

@@ -11,7 +11,7 @@ import pytest
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.patches import Polygon
 
-from sledenv import ContactLaw, State, disc, plot, simulate
+from sledenv import plot
 from sledenv.plot.grounds import bands, surface
 from sledenv.plot.shapes import to_world
 from sledenv.simulation.scene import Slope, Zone
@@ -55,14 +55,6 @@ def test_a_label_is_as_long_as_there_is_room() -> None:
     assert [band.label(room) for room in (20.0, 8.0, 2.0)] == ["friction 0.6", "0.6", ""]
 
 
-def test_friction_is_that_of_the_zone() -> None:
-    """Oracle: begin belongs to a zone, end to what follows, as the kernel has it."""
-    places = np.array([-1.0, 1.99, 2.0, 3.99, 4.0, 4.1, 6.0, 1e9])
-    expected = [ICE.friction, ICE.friction, 0.01, 0.01, 0.2, ICE.friction, 0.6, 0.6]
-    assert ZONED.friction_at(places, ICE.friction).tolist() == expected
-    assert (HILL.friction_at(places, ICE.friction) == ICE.friction).all()
-
-
 @pytest.mark.parametrize("angle", [0.15, 0.0, -0.1, 0.9])
 def test_a_strobe_figure_shows_zones_below_the_surface(angle: float) -> None:
     """Oracle: where the zones lie on the slope; one without end goes to the edge of the panel or out of it."""
@@ -78,36 +70,3 @@ def test_a_strobe_figure_shows_zones_below_the_surface(angle: float) -> None:
         assert corners[:, 1].min() < -0.05
     assert [text.get_text() for text in ax.texts] == ["friction 0.01", "friction 0.6"]
     ax.figure.savefig(io.BytesIO(), dpi=40)
-
-
-def test_a_slope_without_zones_is_drawn_without() -> None:
-    ax = plot.plot_strobe(run(DISC, ICE, HILL, LAUNCH)).axes[0]
-    assert [patch for patch in ax.patches if isinstance(patch, Polygon)] == list(ax.texts) == []
-
-
-def test_the_friction_that_is_used_is_that_of_the_zone() -> None:
-    """Oracle: Coulomb's law where the body slips."""
-    descent = run(DISC, ICE, ZONED, LAUNCH)
-    figure = plot.plot_slip(descent)
-    rows = descent.trajectory
-    used = figure.axes[1].lines[1].get_ydata()
-    slipping = (rows["slip"] != 0) & (rows["normal"] > 1e-12 * rows["normal"].max())
-    assert (rows["x"][slipping] > 6.5).any()
-    assert np.median(np.abs(np.abs(used[slipping]) - 1.0)) < 1e-9
-
-
-@pytest.mark.parametrize(("length", "tall"), [(40.0, 1.0), (150.0, 10.0)])
-def test_heights_of_a_long_picture_are_exaggerated_as_its_axis_says(length: float, tall: float) -> None:
-    """Oracle: the pixels of a metre along and of one upwards; a disc of 0.5 m, on a slope that falls by a fiftieth."""
-    slope = Slope(math.atan(0.02), length, zones=[Zone(20.0, 40.0, 0.4, 0.0)])
-    law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.3, rolling_arm=0.0)
-    descent = simulate(disc(50.0, 0.5), law, slope, State(0.0, 0.6, 0.0, 20.0), record="trajectory")
-    figure = plot.plot_strobe(descent)
-    figure.draw_without_rendering()
-    ax = figure.axes[0]
-    (left, bottom), (right, top) = ax.transData.transform([(0.0, 0.0), (1.0, 1.0)])
-    assert (top - bottom) / (right - left) == pytest.approx(tall)
-    assert ax.get_ylabel() == ("height [m]" if tall == 1.0 else "height [m]\nvertical exaggeration 10")
-    low, high = ax.get_ylim()
-    assert low < -0.02 * length
-    assert high > 0.6

@@ -10,6 +10,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import numpy as np
@@ -19,8 +20,8 @@ from matplotlib.figure import Figure
 
 import sledenv
 from sledenv import plot
-from sledenv.kernel.records import Feature
 from sledenv.plot import shapes
+from sledenv.plot.energy import energy_layers
 from sledenv.plot.style import plain
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
@@ -36,11 +37,14 @@ from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, SETTINGS, descent_o
 
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
 OTHERS = {"boulder": BOULDER, "rider": RIDER, "crate": CRATE, "rod": round_rod(5.0, 1.2, 0.2), "line": LINE}
+LAUNCH = (0.0, 0.5, 0.2, 3.0, 0.0, 0.5)
+STEEL = ContactLaw.from_restitution(0.2, stiffness=1e7, friction=0.1, rolling_arm=0.0)
+BLOCK = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)])
 
 
 @pytest.fixture(scope="module")
 def slides() -> Descent:
-    return run(SEGMENT, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5))
+    return run(SEGMENT, ICE, HILL, LAUNCH)
 
 
 @pytest.fixture(scope="module")
@@ -52,11 +56,31 @@ def jams() -> Descent:
 
 @pytest.fixture(scope="module")
 def impact() -> Descent:
-    law = ContactLaw(9810.0, 0.5, 0.1, 0.001)
-    body = segment(1.0, 0.1, 0.05, 7.5e-3)
-    return run(
-        body, law, Slope(0.0, 1.0, 0.0), (0.0, 0.005, math.pi / 4, 0.0, -10.0, 0.0), max_time=0.04, sample_interval=1e-4
-    )
+    body, law = segment(1.0, 0.1, 0.05, 7.5e-3), ContactLaw(9810.0, 0.5, 0.1, 0.001)
+    launch = (0.0, 0.005, math.pi / 4, 0.0, -10.0, 0.0)
+    return run(body, law, Slope(0.0, 1.0, 0.0), launch, max_time=0.04, sample_interval=1e-4)
+
+
+@pytest.fixture(scope="module")
+def lands_flat() -> Descent:
+    """A block: two corners of the same arm lie above each other, and the upper ones do not touch."""
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    return run(BLOCK, law, Slope(0.0, 50.0), (0.0, 0.5, 0.0), max_time=1.2)
+
+
+@pytest.fixture(scope="module")
+def rigid() -> Descent:
+    """A chord that hits the slope at the end of a long contact; what it loses is lost then."""
+    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.295, rolling_arm=0.005)
+    launch = (0.0, 0.232, -0.1316, 3.911, 0.0, -1.361)
+    return run(SLED, law, Slope(0.1456, 10.0), launch, solver="rigid")  # type: ignore[arg-type]
+
+
+def pixels(figure: Figure) -> np.ndarray:
+    """Draw a figure."""
+    canvas = FigureCanvasAgg(figure)
+    canvas.draw()
+    return np.asarray(canvas.buffer_rgba())
 
 
 def shoelace(points: np.ndarray) -> tuple[float, np.ndarray]:
@@ -75,25 +99,21 @@ def test_an_outline_is_convex_and_touches_where_the_kernel_says(body: Body) -> N
         assert points[:, 1].min() == pytest.approx(1.0 - support_height(body, phi), abs=1e-6)
     assert points[0].tolist() == points[-1].tolist()
     edges = np.diff(points, axis=0)
-    assert np.hypot(*edges.T).min() > 1e-6 or body in (DISC, SEGMENT, SLED, ROD)  # whose last point may come twice
     turns = edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1)
     assert turns.min() > -1e-12  # counterclockwise
     assert body.size == pytest.approx(np.hypot(*(points - (3.0, 1.0)).T).max(), rel=1e-5)
 
 
-def test_a_point_is_drawn_where_it_is() -> None:
-    assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
-
-
 def test_an_outline_has_few_points_where_few_will_do() -> None:
-    """Oracle: a polygon has its corners and the first one again; a flat arc bulges out of its pieces as a circle."""
+    """Oracle: a polygon has its corners and the first one again, a point itself; a flat arc bulges as a circle does."""
     assert len(shapes.body_outline(CRATE, 0.0, 0.0, 0.0)) == len(CRATE.arcs) + 1
     assert len(shapes.body_outline(RIDER, 0.0, 0.0, 0.0)) < 64
     assert len(shapes.body_outline(LINE, 0.0, 0.0, 0.0)) == 3
     assert shapes.body_outline(Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]), 1.0, 2.0, 0.5).tolist() == 2 * [[1.0, 2.0]]
+    assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
 
 
-@pytest.mark.parametrize("half_angle", [0.3, 0.61, 1.2, math.pi / 2, 1.9, math.pi])
+@pytest.mark.parametrize("half_angle", [0.3, 1.2, 1.9, math.pi])
 def test_a_spoke_lies_within_its_body(half_angle: float) -> None:
     """Oracle: a segment is convex: its spoke begins inside the outline, or on it, and ends at the mass centre."""
     body = circular_segment(1.0, 0.4, half_angle)
@@ -102,41 +122,6 @@ def test_a_spoke_lies_within_its_body(half_angle: float) -> None:
     points = shapes.body_outline(body, 3.0, 2.0, 0.7, 2001)
     edges, out = np.diff(points, axis=0), begin - points[:-1]
     assert (edges[:, 0] * out[:, 1] - edges[:, 1] * out[:, 0]).min() > -1e-9
-
-
-def test_the_heavy_side_holds_the_mass_centre() -> None:
-    _, centroid = shoelace(shapes.heavy_side(DISC, 2.0, 1.0, 0.8))
-    centre = np.array(shapes.arc_centre(DISC, 2.0, 1.0, 0.8))
-    assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
-
-
-@pytest.mark.parametrize("name", OTHERS)
-def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
-    """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
-    body = OTHERS[name]
-    for phi in (2.2,):
-        whole, lower = (draw(body, 3.0, 2.0, phi, 401) for draw in (shapes.body_outline, shapes.heavy_side))
-        up = np.array([-math.sin(phi), math.cos(phi)])
-        assert lower[0].tolist() == lower[-1].tolist()
-        heights, every = (lower - (3.0, 2.0)) @ up, (whole - (3.0, 2.0)) @ up
-        assert heights.max() == pytest.approx(0.0, abs=1e-12)
-        assert heights.min() == pytest.approx(every.min())
-        if name != "line":
-            grid = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 400)]), axis=-1).reshape(-1, 2)
-            edges = np.diff(whole - (3.0, 2.0), axis=0)
-            within = np.ones(len(grid), bool)
-            for edge, start in zip(edges, whole - (3.0, 2.0), strict=False):
-                within &= edge[0] * (grid - start)[:, 1] - edge[1] * (grid - start)[:, 0] >= 0.0
-            share = (within & (grid @ up < 0.0)).sum() / within.sum()
-            assert shoelace(lower)[0] / shoelace(whole)[0] == pytest.approx(share, abs=0.01)
-
-
-def test_the_lower_part_of_a_body_that_lies_on_its_mass_centre_is_its_foot() -> None:
-    body = polygon(1.0, [(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)], inertia=1.0, centre=(0.2, 0.0))
-    foot = shapes.heavy_side(body, 0.0, 0.0, 0.0)
-    assert sorted(map(tuple, foot[:-1].tolist())) == [(-1.2, 0.0), (0.8, 0.0)]
-    tip = polygon(1.0, [(0.0, 0.0), (1.0, 1.0), (-1.0, 1.0)], inertia=1.0, centre=(0.0, 0.0))
-    assert shapes.heavy_side(tip, 0.0, 0.0, 0.0) == pytest.approx(np.zeros((2, 2)))
 
 
 def test_other_spokes_begin_at_the_middle_of_the_body() -> None:
@@ -148,34 +133,69 @@ def test_other_spokes_begin_at_the_middle_of_the_body() -> None:
         assert shapes.spoke(body, 3.0, 2.0, 0.7) == pytest.approx(np.array([(3.0, 2.0), (3.0, 2.0)]))
 
 
+def test_the_heavy_side_of_a_segment_holds_the_mass_centre() -> None:
+    _, centroid = shoelace(shapes.heavy_side(DISC, 2.0, 1.0, 0.8))
+    centre = np.array(shapes.arc_centre(DISC, 2.0, 1.0, 0.8))
+    assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
+    """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
+    phi, centre = 2.2, (3.0, 2.0)
+    whole, lower = (draw(OTHERS[name], *centre, phi, 401) for draw in (shapes.body_outline, shapes.heavy_side))
+    up = np.array([-math.sin(phi), math.cos(phi)])
+    heights = (lower - centre) @ up
+    assert lower[0].tolist() == lower[-1].tolist()
+    assert heights.max() == pytest.approx(0.0, abs=1e-12)
+    assert heights.min() == pytest.approx(((whole - centre) @ up).min())
+    if name != "line":
+        grid = np.stack(np.meshgrid(*2 * [np.linspace(-1.0, 1.0, 400)]), axis=-1).reshape(-1, 2)
+        within = matplotlib.path.Path(whole - centre).contains_points(grid)
+        share = (within & (grid @ up < 0.0)).sum() / within.sum()
+        assert shoelace(lower)[0] / shoelace(whole)[0] == pytest.approx(share, abs=0.01)
+
+
+def test_the_lower_part_of_a_body_that_lies_on_its_mass_centre_is_its_foot() -> None:
+    """Oracle: by hand, a side and a corner."""
+    body = polygon(1.0, [(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)], inertia=1.0, centre=(0.2, 0.0))
+    foot = shapes.heavy_side(body, 0.0, 0.0, 0.0)
+    assert sorted(map(tuple, foot[:-1].tolist())) == [(-1.2, 0.0), (0.8, 0.0)]
+    tip = polygon(1.0, [(0.0, 0.0), (1.0, 1.0), (-1.0, 1.0)], inertia=1.0, centre=(0.0, 0.0))
+    assert shapes.heavy_side(tip, 0.0, 0.0, 0.0) == pytest.approx(np.zeros((2, 2)))
+
+
 def test_the_slope_descends_to_the_right_in_the_world() -> None:
     """Oracle: a point L down a slope of angle beta lies L cos(beta) to the right and L sin(beta) lower."""
     assert shapes.to_world([(2.0, 0.0)], 0.3)[0] == pytest.approx([2.0 * math.cos(0.3), -2.0 * math.sin(0.3)])
-    normal = shapes.to_world([(0.0, 1.0)], 0.3)[0]
-    assert normal == pytest.approx([math.sin(0.3), math.cos(0.3)])
+    assert shapes.to_world([(0.0, 1.0)], 0.3)[0] == pytest.approx([math.sin(0.3), math.cos(0.3)])
 
 
 def test_states_between_sparse_rows_follow_the_parabola() -> None:
-    """Oracle: a body in free flight."""
-    descent = run(DISC, ICE, Slope(0.2, math.inf), (1.0, 50.0, 0.3, 2.0, 5.0, -4.0), max_time=2.0, sample_interval=10.0)
-    rows = drawable_rows(descent)
-    t = np.linspace(0.0, 2.0, 24)
-    assert len(rows) < len(t)
+    """Oracle: a body in free flight; the velocities that the rebound recorded before and after a rigid impact."""
+    launch, g = State(1.0, 50.0, 0.3, 2.0, 5.0, -4.0), 9.81 * np.array([math.sin(0.2), -math.cos(0.2)])
+    sparse = sledenv.Settings(solver="rigid", sample_interval=10.0, max_time=8.0)
+    descent = simulate(DISC, ICE, Slope(0.2, math.inf), launch, sparse, record="trajectory")
+    rows, rebound = drawable_rows(descent), descent.rebounds[0]
+    t = np.linspace(0.0, float(rebound["t_touchdown"]), 24)[:-1]
+    assert np.count_nonzero(rows["t"] <= t[-1]) < len(t)
     x, y, phi, u, v, omega = states_at(rows, t).T
-    assert x == pytest.approx(1.0 + 2.0 * t + 0.5 * 9.81 * math.sin(0.2) * t**2)
-    assert y == pytest.approx(descent.launch.y + 5.0 * t - 0.5 * 9.81 * math.cos(0.2) * t**2)
+    assert x == pytest.approx(1.0 + 2.0 * t + 0.5 * g[0] * t**2)
+    assert y == pytest.approx(50.0 + 5.0 * t + 0.5 * g[1] * t**2)
     assert phi == pytest.approx(0.3 - 4.0 * t)
-    assert u == pytest.approx(2.0 + 9.81 * math.sin(0.2) * t)
-    assert v == pytest.approx(5.0 - 9.81 * math.cos(0.2) * t)
+    assert (u, v) == (pytest.approx(2.0 + g[0] * t), pytest.approx(5.0 + g[1] * t))
     assert omega == pytest.approx(-4.0)
+    before, after = states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
+    for state, when in ((before, "before"), (after, "after")):
+        assert state[3:] == pytest.approx([rebound[f"{name}_{when}"] for name in ("u", "v", "omega")])
 
 
 def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
+    """Oracle: the rows themselves; outside of them the nearest one."""
     rows = slides.trajectory
     states = states_at(rows, rows["t"])
     assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
-    outside = states_at(rows, [-1.0, 1e9])
-    assert outside == pytest.approx(states[[0, -1]])
+    assert states_at(rows, [-1.0, 1e9]) == pytest.approx(states[[0, -1]])
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
@@ -184,7 +204,6 @@ def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, sol
     """Oracle: the place that the kernel wrote at touchdown."""
     descent = descent_of(name, solver)
     assert len(descent.rebounds) > 3
-    assert solver == "rigid" or len(set(descent.rebounds["feature"].tolist())) > 1
     begins = [path[0, 0] for path in shapes.contact_paths(descent)]
     assert begins == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
     push = shapes.push_at(descent, float(descent.rebounds["t_touchdown"][0]))
@@ -193,6 +212,7 @@ def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, sol
 
 
 def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
+    """Oracle: the paths of the whole descent."""
     second = slides.rebounds[1]
     middle = float(second["t"] - 0.5 * second["duration"])
     paths, whole = shapes.contact_paths(slides, middle), shapes.contact_paths(slides)
@@ -204,35 +224,26 @@ def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
 
 def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:
     moving = shapes.strobe_times(SEGMENT, slides.trajectory, 0.2)
-    expected = np.append(np.arange(0.0, slides.time, 0.2), slides.time)
     assert moving[-1] == slides.time
-    assert np.isin(moving, expected).all()
+    assert np.isin(moving, np.append(np.arange(0.0, slides.time, 0.2), slides.time)).all()
     assert len(moving) > 5
-    still = shapes.strobe_times(DISC, jams.trajectory, jams.time / 1000.0)
-    assert len(still) < 60
-
-
-def test_a_descent_without_trajectory_is_refused() -> None:
-    descent = simulate(DISC, ICE, HILL, State(0.0, 1.0, 0.0))
-    with pytest.raises(ValueError, match='record="trajectory"'):
-        plot.plot_strobe(descent)
+    assert len(shapes.strobe_times(DISC, jams.trajectory, jams.time / 1000.0)) < 60
 
 
 def test_rows_that_overflowed_are_not_drawn(slides: Descent) -> None:
     trajectory = slides.trajectory.copy()
     trajectory["x"][5], trajectory["u"][7], trajectory["y"][9] = math.nan, math.inf, 1e300
     assert len(drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
-    lost = drawable_rows(replace(slides, trajectory=trajectory[5:6]))
-    assert np.isfinite(states_at(lost, [0.0])).all()
+    assert np.isfinite(states_at(drawable_rows(replace(slides, trajectory=trajectory[5:6])), [0.0])).all()
 
 
 def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Descent, jams: Descent) -> None:
     figure = plot.plot_strobe([jams, slides], labels=["mat", "ice"])
     panels = figure.axes[:2]
     for ax, name, descent in zip(panels, ("mat", "ice"), (jams, slides), strict=True):
-        title = ax.get_title(loc="left")
-        assert title.startswith(f"{name}: {descent.status} after {descent.time:.2f} s")
-        assert f"reward {float(descent.jam.reward):.2f}" in title
+        reward = float(descent.jam.reward)
+        expected = f"{name}: {descent.status} after {descent.time:.2f} s, reward {reward:.2f}"
+        assert ax.get_title(loc="left") == expected
         assert ax.get_aspect() == 1.0
     assert panels[0].get_xlim() == panels[1].get_xlim()
     low, high = panels[0].get_xlim()
@@ -241,18 +252,27 @@ def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Desce
     assert figure.axes[2].get_ylabel() == "speed [m/s]"
 
 
-def test_a_strobe_figure_without_the_slope_shows_where_the_sled_went(impact: Descent) -> None:
-    assert plot.plot_strobe(impact).axes[0].get_xlim()[1] > 1.0
-    assert plot.plot_strobe(impact, whole=False).axes[0].get_xlim()[1] < 0.5
-
-
-def test_wrong_arguments_of_a_strobe_figure_are_named(slides: Descent) -> None:
-    with pytest.raises(ValueError, match="empty"):
-        plot.plot_strobe([])
-    with pytest.raises(ValueError, match="2 labels for 1"):
-        plot.plot_strobe(slides, labels=["a", "b"])
-    with pytest.raises(ValueError, match="frames"):
-        plot.plot_strobe(slides, frames=1)
+@pytest.mark.parametrize("length", [20.0, 60.0, 2000.0])
+def test_a_long_descent_is_cut_into_rows_in_which_the_body_can_be_seen(length: float) -> None:
+    """Oracle: the rows follow each other, of one scale, up to where the body stops; thirty bodies fit into one."""
+    mat = Zone(0.9 * length, math.inf, 0.6, 0.0)
+    law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.0, rolling_arm=0.0)
+    body, launch = sledenv.disc(50.0, 0.5), State(0.0, 0.6, 0.0, 8.0)
+    descent = simulate(body, law, Slope(0.02, length, zones=[mat]), launch, record="trajectory", max_time=5.0)
+    panels = plot.plot_strobe(descent).axes[:-1]
+    limits = np.array([ax.get_xlim() for ax in panels])
+    assert len(panels) == {20.0: 2, 60.0: 5, 2000.0: 2}[length]
+    assert limits[1:, 0] == pytest.approx(limits[:-1, 1])
+    assert np.ptp(limits, axis=1).max() <= 30.0 * 2.0 * body.size
+    assert limits[0, 0] < 0.0
+    assert limits[-1, 0] < shapes.to_world(descent.state[:2], 0.02)[0] < limits[-1, 1]
+    assert [bool(ax.get_title("left")) for ax in panels] == [True] + [False] * (len(panels) - 1)
+    for ax in panels:
+        path = next(line.get_xydata() for line in ax.lines if line.get_zorder() == 8)
+        low, high = ax.get_ylim()
+        inside = (path[:, 0] >= ax.get_xlim()[0]) & (path[:, 0] <= ax.get_xlim()[1])
+        assert (low < path[inside, 1]).all()
+        assert (path[inside, 1] + body.size < high).all()
 
 
 def curve(figure: Figure, panel: int) -> tuple[np.ndarray, np.ndarray]:
@@ -264,51 +284,42 @@ def test_the_moment_of_an_impact_turns_the_body(impact: Descent) -> None:
     """Oracle: Euler's law, J domega = moment dt, and T = 50 J at launch; times are in milliseconds."""
     figure = plot.plot_impact(impact)
     t, moment = curve(figure, 2)
-    turned = np.trapezoid(moment, 1e-3 * t)
-    assert turned == pytest.approx(impact.body.inertia * impact.state.omega, rel=0.02)
+    assert np.trapezoid(moment, 1e-3 * t) == pytest.approx(impact.body.inertia * impact.state.omega, rel=0.02)
     _, force = curve(figure, 0)
     assert np.trapezoid(force, 1e-3 * t) == pytest.approx(impact.state.v + 10.0, rel=0.02)
     _, kinetic = curve(figure, 3)
-    assert kinetic[0] == pytest.approx(50.0)
-    assert kinetic[-1] == pytest.approx(impact.energy.kinetic)
+    assert kinetic[[0, -1]] == pytest.approx([50.0, impact.energy.kinetic])
     assert figure.axes[2].get_xlabel() == "time [ms]"
 
 
 def test_an_impact_figure_keeps_to_its_interval(slides: Descent) -> None:
+    """Oracle: duration and impulse of the rebound."""
     first = slides.rebounds[0]
-    figure = plot.plot_impact(slides, float(first["t"] - first["duration"]), float(first["t"]))
-    t, force = curve(figure, 0)
+    t, force = curve(plot.plot_impact(slides, float(first["t"] - first["duration"]), float(first["t"])), 0)
     assert np.ptp(t) == pytest.approx(1e3 * first["duration"], rel=1e-6)
     assert np.trapezoid(force, 1e-3 * t) == pytest.approx(first["normal_impulse"], rel=0.1)
-    with pytest.raises(ValueError, match="start = 5"):
-        plot.plot_impact(slides, 5.0, 4.0)
 
 
-@pytest.mark.parametrize("name", ["slides", "jams", "impact"])
+@pytest.mark.parametrize("name", ["slides", "jams", "impact", "lands_flat", "rigid"])
 def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: pytest.FixtureRequest) -> None:
-    """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns."""
+    """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns; the ledger."""
     descent: Descent = request.getfixturevalue(name)
     figure = plot.plot_descent(descent)
     top = figure.axes[3].collections[-1].get_paths()[0].vertices
-    t = descent.trajectory["t"]
-    sums = np.array([top[top[:, 0] == when, 1].max() for when in t])
-    assert sums == pytest.approx(sums[0], rel=0.02)
+    sums = np.array([top[top[:, 0] == when, 1].max() for when in descent.trajectory["t"]])
+    assert sums == pytest.approx(sums[0], rel={"lands_flat": 1e-3, "rigid": 0.03}.get(name, 0.02))
     assert [ax.get_ylabel().split()[0] for ax in figure.axes] == ["u", "v", "ω", "energy"]
+    layers = energy_layers(descent, drawable_rows(descent))
+    assert layers["translation"][-1] + layers["rotation"][-1] == pytest.approx(descent.energy.kinetic)
+    for kind in ("hysteresis", "sliding", "rolling"):
+        assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(descent.energy, kind), abs=1e-12)
+        assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()
 
 
-STEEL = ContactLaw.from_restitution(0.2, stiffness=1e7, friction=0.1, rolling_arm=0.0)
-BLOCK = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)])
-
-
-def test_the_energy_layers_of_a_block_that_lands_flat_add_up_at_all_times() -> None:
-    """Oracle: conservation; two corners of the same arm lie above each other, and the upper ones do not touch."""
-    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.0, rolling_arm=0.0)
-    descent = run(BLOCK, law, Slope(0.0, 50.0), (0.0, 0.5, 0.0), max_time=1.2)  # type: ignore[arg-type]
-    sums = np.sum(list(plot.energy_layers(descent, drawable_rows(descent)).values()), axis=0)
-    assert sums == pytest.approx(sums[0], rel=1e-3)
-    low, high = plot.plot_descent(descent).axes[2].get_ylim()
-    assert (low, high) == pytest.approx((-high, high))  # the spin is zero but for rounding
-    assert high > 1e6 * np.abs(descent.trajectory["omega"]).max()
+def test_a_velocity_that_is_zero_but_for_rounding_is_drawn_as_a_straight_line(lands_flat: Descent) -> None:
+    low, high = plot.plot_descent(lands_flat).axes[2].get_ylim()
+    assert (low, high) == pytest.approx((-high, high))
+    assert high > 1e6 * np.abs(lands_flat.trajectory["omega"]).max()
 
 
 def test_the_forces_on_a_block_that_slides_flat_do_not_turn_it() -> None:
@@ -316,50 +327,13 @@ def test_the_forces_on_a_block_that_slides_flat_do_not_turn_it() -> None:
     launch = State(0.0, 0.2, 0.0, 3.0)
     descent = simulate(BLOCK, STEEL, Slope(0.1, 50.0), launch, solver="rigid", record="trajectory")
     assert (descent.trajectory["omega"] == 0.0).all()
-    _, moment = curve(plot.plot_impact(descent), 2)
-    assert moment == pytest.approx(0.0, abs=1e-12 * BLOCK.mass * 9.81)
-
-
-def test_the_energy_layers_of_rigid_surfaces_add_up_at_all_times() -> None:
-    """Oracle: conservation; the chord hits the slope at the end of a long contact, and what it loses is lost then."""
-    law = ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.295, rolling_arm=0.005)
-    launch = (0.0, 0.232, -0.1316, 3.911, 0.0, -1.361)
-    descent = run(SLED, law, Slope(0.1456, 10.0), launch, solver="rigid")  # type: ignore[arg-type]
-    assert (descent.rebounds["duration"] > 0.1).any()
-    assert (descent.rebounds["feature"] == Feature.CHORD).any()
-    layers = plot.energy_layers(descent, drawable_rows(descent))
-    sums = np.sum(list(layers.values()), axis=0)
-    assert sums == pytest.approx(sums[0], rel=0.03)
-
-
-def test_the_flight_into_a_rigid_impact_is_ballistic_to_its_end() -> None:
-    """Oracle: a parabola, and the velocities that the rebound recorded before the impact."""
-    descent = run(DISC, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
-    rows, rebound = drawable_rows(descent), descent.rebounds[0]
-    times = np.linspace(0.0, float(rebound["t"]), 50)[:-1]
-    states = states_at(rows, times)
-    launch, g = descent.launch, descent.slope.gravity
-    along, normal = g * math.sin(0.15), -g * math.cos(0.15)
-    assert states[:, 0] == pytest.approx(launch.x + launch.u * times + 0.5 * along * times**2, abs=1e-12)
-    assert states[:, 1] == pytest.approx(launch.y + launch.v * times + 0.5 * normal * times**2, abs=1e-12)
-    before, after = states_at(rows, [rebound["t"] * (1.0 - 1e-12), rebound["t"]])
-    assert before[3:] == pytest.approx([rebound["u_before"], rebound["v_before"], rebound["omega_before"]])
-    assert after[3:] == pytest.approx([rebound["u_after"], rebound["v_after"], rebound["omega_after"]])
-
-
-def test_the_last_energy_layers_are_the_ledger(slides: Descent) -> None:
-    layers = plot.energy_layers(slides, slides.trajectory)
-    for kind in ("hysteresis", "sliding", "rolling"):
-        assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(slides.energy, kind))
-        assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()
-    assert layers["translation"][-1] + layers["rotation"][-1] == pytest.approx(slides.energy.kinetic)
+    assert curve(plot.plot_impact(descent), 2)[1] == pytest.approx(0.0, abs=1e-12 * BLOCK.mass * 9.81)
 
 
 def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> None:
-    """Titles, axis labels, tick labels and legends keep apart at the width of a README."""
-    figures = [plot.plot_strobe([jams, slides, jams]), plot.plot_impact(impact), plot.plot_descent(jams)]
-    figures += [plot.plot_slip(jams), plot.plot_penetration(slides), plot.plot_impulses(jams)]
-    figures += [plot.plot_phase_portraits(slides), plot.plot_impulse_plane(DISC, ICE, State(0, 0, 0.4, 1, -2, 3))]
+    """Oracle: their boxes: titles, axis labels, tick labels and legends, at the width of a README, none cut off."""
+    figures = [plot.plot_strobe([jams, slides, jams], labels="abc"), plot.plot_impact(impact), plot.plot_slip(jams)]
+    figures += [plot.plot_descent(jams), plot.plot_impulse_plane(DISC, ICE, State(0, 0, 0.4, 1, -2, 3))]
     for figure in figures:
         FigureCanvasAgg(figure).draw()
         boxes = [legend.get_window_extent() for legend in figure.legends]
@@ -371,6 +345,8 @@ def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> N
         assert figure.dpi * figure.get_figwidth() == pytest.approx(900.0)
         for one, other in itertools.combinations(boxes, 2):
             assert not one.padded(-0.5).overlaps(other), (one, other)
+        for box in boxes:
+            assert figure.bbox.padded(1.0).count_contains(box.corners()) == 4
 
 
 def in_the_plane(figure: Figure) -> np.ndarray:
@@ -379,7 +355,7 @@ def in_the_plane(figure: Figure) -> np.ndarray:
     return np.concatenate([[piece[0] for piece in pieces], pieces[-1][-1:]])
 
 
-@pytest.mark.parametrize("body", [DISC, SEGMENT, ROD, CRATE])
+@pytest.mark.parametrize("body", [DISC, ROD, CRATE])
 def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_cone(body: Body) -> None:
     """Oracle: the impulses of rigid_impact, which the figure does not read but for its scale; Coulomb's law."""
     rng = np.random.default_rng(1)
@@ -401,13 +377,10 @@ def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_c
 def test_an_impulse_plane_names_what_happens() -> None:
     """Oracle: the impact of docs/physics.md, section 4.4, in which the slip of a rod stops and it sticks."""
     body, law = rod(1.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
-    state = State(0.0, 0.0, math.pi / 4, 0.5, -1.0, 0.0)
-    figure = plot.plot_impulse_plane(body, law, state)
+    figure = plot.plot_impulse_plane(body, law, State(0.0, 0.0, math.pi / 4, 0.5, -1.0, 0.0))
     assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, -0.8 / 7.0])
     events = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
     assert events == ["sliding stops", "compression ends", "separation"]
-    with pytest.raises(ValueError, match="does not approach"):
-        plot.plot_impulse_plane(body, law, state._replace(v=1.0))
 
 
 def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
@@ -424,89 +397,19 @@ def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
     slipping = (rows["slip"] != 0) & (rows["normal"] > 1e-12 * rows["normal"].max())  # not the rounding of a zero
     assert used[slipping] == pytest.approx(-rows["slip"][slipping])
     assert np.nanmax(np.abs(used)) <= 1.0 + 1e-9
-    with pytest.raises(ValueError, match="flies all the time"):
-        plot.plot_slip(jams, 0.0, 0.9 * float(jams.rebounds["t"][0] - jams.rebounds["duration"][0]))
 
 
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])
-def test_friction_is_used_up_where_a_block_slides_into_a_zone_and_out_of_it(solver: str) -> None:
-    """Oracle: F = -f N with the friction of either side, also in the rows at the borders; one impulse of both."""
+def test_friction_is_used_up_where_a_block_slides_into_a_zone_and_out_of_it(solver: Any) -> None:
+    """Oracle: F = -f N with the friction of either side, also in the rows at the borders."""
     mat = Slope(math.radians(10.0), 50.0, zones=[Zone(3.0, 4.5, 0.5, 0.0)])
     launch = State(0.0, 0.2, 0.0, 6.0)
-    descent = simulate(BLOCK, STEEL, mat, launch, solver=solver, max_time=1.5, record="trajectory")  # type: ignore[arg-type]
+    descent = simulate(BLOCK, STEEL, mat, launch, solver=solver, max_time=1.5, record="trajectory")
     assert descent.state.x > 6.0
     for line in plot.plot_slip(descent).axes[1].lines[1:3]:
         used = np.asarray(line.get_ydata(), float)
         assert used[~np.isnan(used)] == pytest.approx(-1.0, abs=1e-6)
         assert np.count_nonzero(~np.isnan(used)) > 50
-    share = plot.plot_impulses(descent).axes[1].collections[0].get_segments()[0][1, 1]
-    assert -1.0 <= share < -0.1
-
-
-def test_a_zone_that_a_contact_does_not_reach_is_no_bound_of_its_impulse() -> None:
-    """Oracle: a block that slides to its rest has used all of the friction, up to the zone or far from it."""
-    law = STEEL._replace(friction=0.3)
-    for begin in (1.0, 3.0):
-        slope = Slope(0.0, 20.0, zones=[Zone(begin + 2.0, math.inf, 0.6, 0.0)])
-        descent = simulate(BLOCK, law, slope, State(2.0, 0.2, 0.0, 2.0), record="trajectory")
-        reached = descent.contacts["x"].max()
-        share = plot.plot_impulses(descent).axes[1].collections[0].get_segments()[-1][1, 1]
-        assert (share == pytest.approx(-1.0, abs=1e-6)) == (reached < begin + 2.0)
-    assert 2.7 < reached < 5.0
-
-
-def test_the_loop_of_a_contact_has_the_area_of_its_loss(slides: Descent) -> None:
-    """Oracles: the loss that the rebound recorded; N = k x with the two stiffnesses of the law."""
-    figure = plot.plot_penetration(slides, 1)
-    left, right = figure.axes
-    depth, force = right.lines[0].get_xydata().T
-    assert right.get_ylabel() == "normal force N [kN]"
-    area = np.trapezoid(1e3 * force, 1e-3 * depth)
-    assert area == pytest.approx(slides.rebounds["loss_hysteresis"][1], rel=1e-6)
-    closing, opening = (line.get_xydata()[1:-1] for line in right.lines[1:])
-    stiffness, asymmetry = slides.law.stiffness, slides.law.asymmetry
-    assert 1e6 * closing[:, 1] == pytest.approx(stiffness * (1.0 + asymmetry) * closing[:, 0], rel=1e-6)
-    assert 1e6 * opening[:, 1] == pytest.approx(stiffness * (1.0 - asymmetry) * opening[:, 0], rel=1e-6)
-    assert left.lines[0].get_xdata()[-1] == pytest.approx(1e3 * slides.rebounds["duration"][1])
-    with pytest.raises(ValueError, match=r"number = 99: must be in \[0, "):
-        plot.plot_penetration(slides, 99)
-
-
-def test_rigid_impulses_are_stems_at_their_times() -> None:
-    """Oracle: the log of the descent."""
-    descent = run(SLED, ICE, HILL, (0.0, 0.5, 0.2, 3.0, 0.0, 0.5), solver="rigid")  # type: ignore[arg-type]
-    figure = plot.plot_impulses(descent)
-    log = descent.rebounds
-    for ax, values in zip(figure.axes, (log["normal_impulse"], descent.rebound_jam.grip), strict=True):
-        (stems,) = ax.collections
-        tops = np.array([segment[1] for segment in stems.get_segments()])
-        assert tops[:, 0].tolist() == log["t"].tolist()
-        assert np.abs(tops[:, 1]) == pytest.approx(values)
-    lasting = figure.axes[0].lines[-1]
-    assert len(lasting.get_xdata()) == np.count_nonzero(log["duration"] > 0.0) > 0
-
-
-def test_flights_of_a_phase_portrait_end_where_the_body_touches(slides: Descent) -> None:
-    """Oracle: the trajectory at each touchdown, and the launch."""
-    figure = plot.plot_phase_portraits(slides)
-    angles, speeds = figure.axes[:2]
-    flights = [line for line in angles.lines if line.get_linewidth() == 0.5]
-    assert len(flights) == len(slides.rebounds)
-    touch = slides.rebounds["t"] - slides.rebounds["duration"]
-    states = states_at(slides.trajectory, touch)
-    ends = [line.get_xydata()[-1] for line in flights]
-    assert np.array(ends) == pytest.approx(np.stack([np.degrees(states[:, 2]), states[:, 5]], axis=-1), abs=1e-6)
-    first = next(line for line in speeds.lines if line.get_linewidth() == 0.5)
-    assert first.get_xydata()[0].tolist() == [slides.launch.u, slides.launch.v]
-
-
-def test_figures_of_contacts_need_contacts() -> None:
-    flight = run(DISC, ICE, HILL, (0.0, 5.0, 0.2, 3.0, 0.0, 0.5), max_time=0.1)
-    for draw in (plot.plot_impulses, plot.plot_phase_portraits):
-        with pytest.raises(ValueError, match="no rebounds"):
-            draw(flight)
-    with pytest.raises(ValueError, match="number = 0"):
-        plot.plot_penetration(flight)
 
 
 def test_velocities_are_numbered_as_the_paper_only_when_asked(slides: Descent) -> None:
@@ -523,24 +426,17 @@ def test_text_is_drawn_as_it_stands(slides: Descent) -> None:
     crate = run(body, ICE, HILL, (0.0, 0.2, 0.0, 2.0, 0.0, 0.0))
     cells = np.zeros((3, 3)), np.zeros((3, 3), bool)
 
-    def draw() -> list[Figure]:
+    def draw() -> list[np.ndarray]:
         grid = np.linspace(0.0, 1.0, 3)
         maps = plot.plot_jam_map(grid, grid, {"$x^$": cells}, mark=(0.0, 0.0, "$_$"), note="$\\nothing$")
         figures = [plot.plot_strobe(slides, labels=["$^$"]), plot.plot_velocities(slides, note="$_$"), maps]
-        return [*figures, plot.plot_impact(crate), plot.plot_slip(crate), plot.plot_descent(crate)]
+        figures += [plot.plot_impact(crate), plot.plot_slip(crate), plot.plot_descent(crate, label="$_$")]
+        return [pixels(figure) for figure in figures]
 
-    plain_pictures = [pixels(figure) for figure in draw()]
+    pictures = draw()
     with matplotlib.rc_context({"text.usetex": True}):
-        pictures = [pixels(figure) for figure in draw()]
-    for one, other in zip(plain_pictures, pictures, strict=True):
-        assert (one == other).all()
-
-
-def pixels(figure: Figure) -> np.ndarray:
-    """Draw a figure."""
-    canvas = FigureCanvasAgg(figure)
-    canvas.draw()
-    return np.asarray(canvas.buffer_rgba())
+        for one, other in zip(pictures, draw(), strict=True):
+            assert (one == other).all()
 
 
 @pytest.mark.parametrize(
@@ -551,40 +447,25 @@ def pixels(figure: Figure) -> np.ndarray:
     ],
 )
 def test_ugly_descents_are_drawn(name: str) -> None:
+    """Oracle: none but that matplotlib raises nothing."""
     body, law, slope, launch, options = UGLY[name]
     descent = run(body, law, slope, launch, **options)
     figures = [plot.plot_strobe(descent), plot.plot_descent(descent)]
-    if len(descent.rebounds) > 0:
-        figures += [plot.plot_impulses(descent), plot.plot_phase_portraits(descent), plot.plot_slip(descent)]
+    figures += [plot.plot_slip(descent)] if len(descent.rebounds) > 0 else []
     for figure in figures:
         figure.savefig(io.BytesIO(), dpi=40)
 
 
-@pytest.mark.parametrize(
-    ("name", "solver"),
-    [
-        ("line", "rigid"),
-        pytest.param("boulder", "compliant", marks=pytest.mark.slow),
-        pytest.param("rider", "compliant", marks=pytest.mark.slow),
-    ],
-)
-def test_descents_of_any_body_are_drawn(name: str, solver: str) -> None:
-    """Oracle: the poses of a strobe picture have the outline of the body; energy is conserved."""
-    descent = descent_of(name, solver)
-    figure = plot.plot_strobe(descent)
-    poses = figure.axes[0].collections[1].get_paths()
+@pytest.mark.parametrize("name", ["line", pytest.param("rider", marks=pytest.mark.slow)])
+def test_poses_have_the_outline_of_the_body(name: str) -> None:
+    """Oracle: the distances between its corners."""
+    descent = descent_of(name, "rigid")
+    poses = plot.plot_strobe(descent).axes[0].collections[1].get_paths()
     points = shapes.body_outline(descent.body, 0.0, 0.0, 0.0)
     assert len(poses) > 5
     for path in poses:
         drawn = np.asarray(path.vertices)[: len(points)]
         assert np.hypot(*np.diff(drawn, axis=0).T) == pytest.approx(np.hypot(*np.diff(points, axis=0).T), abs=1e-9)
-    figures = [figure, plot.plot_descent(descent), plot.plot_impulses(descent), plot.plot_phase_portraits(descent)]
-    figures += [plot.plot_impact(descent)] + ([plot.plot_penetration(descent)] if solver == "compliant" else [])
-    for figure in figures:
-        figure.savefig(io.BytesIO(), dpi=40)
-    layers = plot.energy_layers(descent, drawable_rows(descent))
-    sums = np.sum(list(layers.values()), axis=0)
-    assert sums == pytest.approx(sums[0], rel=0.05)
 
 
 def test_growth_is_drawn_over_the_rebounds() -> None:
@@ -603,27 +484,44 @@ def test_growth_is_drawn_over_the_rebounds() -> None:
     figure.savefig(io.BytesIO(), dpi=40)
 
 
-def test_growth_of_ugly_descents_is_drawn_or_refused() -> None:
+def test_growth_without_a_derivative_is_drawn() -> None:
+    """Oracle: a launch that stands still has none."""
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
-    still = sledenv.sensitivity(
-        segment(1.0, 0.5, 0.0, 0.1),
-        law,
-        Slope(0.0),
-        State(0.0, 1.0, 0.0),
-        sledenv.Settings(solver="rigid", max_rebounds=2),
-    )
+    settings = sledenv.Settings(solver="rigid", max_rebounds=2)
+    still = sledenv.sensitivity(segment(1.0, 0.5, 0.0, 0.1), law, Slope(0.0), State(0.0, 1.0, 0.0), settings)
     assert np.isnan(still.growth).all()
     plot.plot_growth(still).savefig(io.BytesIO(), dpi=40)
-    flight = sledenv.sensitivity(DISC, law, Slope(0.0, 1.0), State(0.0, 2.0, 0.0, 5.0))
-    with pytest.raises(ValueError, match="no rebound"):
-        plot.plot_growth(flight)
+
+
+def test_wrong_arguments_of_figures_are_named(slides: Descent, jams: Descent) -> None:
+    """Oracle: the words of each error."""
+    bare, flight = simulate(DISC, ICE, HILL, State(0.0, 1.0, 0.0)), State(0.0, 2.0, 0.0, 5.0)
+    before = 0.9 * float(jams.rebounds["t_touchdown"][0])
+    grid, cells = np.zeros(2), np.zeros((3, 3))
+    flown = sledenv.sensitivity(DISC, ICE, Slope(0.0, 1.0), flight)
+    refused: list[tuple[Any, str]] = [
+        (lambda: plot.plot_strobe([]), "descents is empty"),
+        (lambda: plot.plot_strobe(slides, labels=["a", "b"]), "2 labels for 1 descents"),
+        (lambda: plot.plot_strobe(slides, frames=1), "frames = 1: must be >= 2"),
+        (lambda: plot.plot_strobe(slides, between=(-9.0, -8.0)), r"between = \(-9.0, -8.0\): a descent has nothing"),
+        (lambda: plot.plot_strobe(bare), 'record="trajectory"'),
+        (lambda: plot.plot_impact(slides, 5.0, 4.0), "start = 5.0, stop = 4.0: fewer than two rows"),
+        (lambda: plot.plot_slip(jams, 0.0, before), "flies all the time"),
+        (lambda: plot.plot_impulse_plane(DISC, ICE, flight), "does not approach"),
+        (lambda: plot.plot_impact_phases(descent_of("line", "rigid")), "no first contact that takes time"),
+        (lambda: plot.plot_growth(flown), "no rebound"),
+        (lambda: plot.plot_mode_map(grid, grid, {}), "panels is empty"),
+        (lambda: plot.plot_mode_map(grid, grid, {"a": cells}), r"'a' has shape \(3, 3\): must be \(2, 2\)"),
+    ]
+    for draw, words in refused:
+        with pytest.raises(ValueError, match=words):
+            draw()
 
 
 def test_a_missing_matplotlib_is_named(slides: Descent, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    for draw in (plot.plot_strobe, plot.plot_impact, plot.plot_descent):
-        with pytest.raises(ImportError, match=r"sledenv\[plot\]"):
-            draw(slides)
+    with pytest.raises(ImportError, match=r"sledenv\[plot\]"):
+        plot.plot_strobe(slides)
 
 
 def test_importing_the_package_needs_neither_matplotlib_nor_pygame() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import math
 
 import numpy as np
@@ -15,12 +14,11 @@ from sledenv.plot.energy import energy_layers
 from sledenv.plot.grounds import below, in_sight, surface
 from sledenv.plot.riders import pose_times
 from sledenv.plot.shapes import contact_paths, push_at, to_world
-from sledenv.plot.trajectories import opening, rows_between
-from sledenv.simulation.interpolation import drawable_rows, rows_of
+from sledenv.plot.trajectories import rows_between
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import Slope, tangents
+from sledenv.simulation.scene import tangents
 from sledenv.simulation.simulate import simulate
-from tests.bodies import HILL
 from tests.plot.outlined import PROFILES, hillside, ride_of
 
 
@@ -39,16 +37,6 @@ def over_ground(descent: Descent, world: np.ndarray) -> np.ndarray:
     """Height [m] over the ground of points of a figure."""
     x, y = to_world(world, -descent.slope.angle).T
     return np.asarray(y - descent.slope.height_at(x))
-
-
-def test_a_line_of_the_ground_is_the_profile() -> None:
-    """Oracle: the heights of the slope; a part of a line is a line of that part."""
-    slope = hillside()
-    line = surface(slope.vertices, -3.0, 70.0)
-    x = np.linspace(-3.0, 70.0, 997)
-    assert np.interp(x, *line.T) == pytest.approx(slope.height_at(x), abs=1e-12)
-    assert surface(line, 2.0, 30.0) == pytest.approx(surface(slope.vertices, 2.0, 30.0))
-    assert surface(HILL.vertices, -1.0, 2.0).tolist() == [[-1.0, 0.0], [2.0, 0.0]]
 
 
 def test_what_is_below_a_line_is_as_far_from_each_of_its_pieces() -> None:
@@ -89,8 +77,8 @@ def test_a_strobe_figure_draws_the_ground_as_it_is(ride: Descent) -> None:
     line = ax.lines[0].get_xydata()
     assert over_ground(ride, line) == pytest.approx(np.zeros(len(line)), abs=1e-9)
     assert [line[0, 0], -line[-1, 0]] <= [ax.get_xlim()[0], -ax.get_xlim()[1]]
-    inside = ride.slope.vertices
-    assert len(line) == len(inside) + 2
+    left, *_, right = to_world(line, -ride.slope.angle)[:, 0]
+    assert len(line) == np.count_nonzero((left < ride.slope.vertices[:, 0]) & (ride.slope.vertices[:, 0] < right)) + 2
     filled = np.asarray(ax.collections[0].get_paths()[0].vertices)
     assert filled[: len(line)] == pytest.approx(line)
 
@@ -180,59 +168,15 @@ def test_the_layers_of_the_energy_add_up_and_heights_count(ride: Descent) -> Non
     assert np.ptp(height) > 5.0
 
 
-def test_hysteresis_is_lost_while_gaps_open_however_little_comes_back() -> None:
-    """Oracle: conservation, where a contact gives back 4 % of the energy."""
-    plane, (body, law, _, launch) = Slope(math.radians(9.0), 42.0), PROFILES["sled"]
-    dull = law.from_restitution(0.2, stiffness=1e6, friction=0.03, rolling_arm=0.001)
-    descent = simulate(body, dull, plane, launch, record="trajectory")
-    sums = np.sum(list(energy_layers(descent, drawable_rows(descent)).values()), axis=0)
-    assert sums == pytest.approx(sums[0], rel=2e-3)
-
-
-def test_the_first_phase_of_several_contacts_ends_when_no_gap_closes() -> None:
-    """Oracle: the forces rise until then and fall after it."""
-    ride = ride_of("rock")
-    log = ride.rebounds
-    rows_each = [rows_of(rebound, drawable_rows(ride)) for rebound in log]
-    several = [rows for rows in rows_each if len(rows) and rows["touching"].max() > 1]
-    assert several
-    for rows in several:
-        turn = opening(ride, rows)
-        assert 0 < turn < len(rows)
-
-
 def test_the_legend_of_a_strobe_figure_tells_how_far_poses_are_apart(ride: Descent) -> None:
     """Oracle: the poses that are drawn, but for the last one, which is the end."""
     figure = plot.plot_strobe(ride)
     (said,) = (text.get_text() for text in figure.legends[0].get_texts() if text.get_text().startswith("pose"))
     interval = float(said.removeprefix("pose every ").removesuffix(" s"))
     times = pose_times(ride.body, drawable_rows(ride), interval)[:-1]
-    assert len(figure.axes[0].collections[1].get_paths()) == len(times) + 1
+    centres = [line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_zorder() == 9]
+    assert len(np.unique(np.concatenate(centres), axis=0)) == len(times) + 1
     assert np.median(np.diff(times)) == pytest.approx(interval)
-
-
-@pytest.mark.parametrize("name", ["rock", pytest.param("sled", marks=pytest.mark.slow)])
-def test_every_figure_of_a_descent_is_drawn(name: str) -> None:
-    ride = ride_of(name)
-    figures = [
-        draw(ride)
-        for draw in (
-            plot.plot_strobe,
-            plot.plot_descent,
-            plot.plot_velocities,
-            plot.plot_impact,
-            plot.plot_slip,
-            plot.plot_penetration,
-            plot.plot_impulses,
-            plot.plot_phase_portraits,
-            plot.plot_impact_phases,
-        )
-    ]
-    figures += [plot.plot_rides({"a": ride}), plot.plot_sliding_end({"a": ride}), plot.plot_strobe(ride, whole=False)]
-    for figure in figures:
-        figure.savefig(io.BytesIO(), dpi=40)
-    shares = figures[6].axes[1].collections[0].get_segments()
-    assert np.abs([stem[1][1] for stem in shares]).max() <= 1.0 + 1e-9 or len(ride.slope.zones)
 
 
 def test_moments_of_forces_on_a_profile_turn_the_body(ride: Descent) -> None:
@@ -254,5 +198,3 @@ def test_a_strobe_picture_shows_a_stretch_of_a_ride(ride: Descent) -> None:
     left, right = figure.axes[0].get_xlim()
     assert left < ends[0, 0] < ends[1, 0] < right
     assert right - left < 2.0 * (ends[1, 0] - ends[0, 0]) + 4.0 * ride.body.size
-    with pytest.raises(ValueError, match=r"between = \(-9.0, -8.0\): a descent has nothing there"):
-        plot.plot_strobe(ride, between=(-9.0, -8.0))

@@ -11,14 +11,14 @@ import pytest
 
 from sledenv import plot
 from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, pose_times
-from sledenv.plot.shapes import body_outline, strobe_times
+from sledenv.plot.shapes import strobe_times
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outlines import arms_of
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER, sled
 from sledenv.simulation.support import support_height
 from tests.bodies import DISC, SLED
-from tests.plot.outlined import BOULDER, CRATE, LINE, RIDDEN, SETTINGS, descent_of
+from tests.plot.outlined import BOULDER, CRATE, LINE, RIDDEN, descent_of
 from tests.plot.outlined import RIDER as HAT
 
 SIZES: dict[str, dict[str, Any]] = {
@@ -109,10 +109,3 @@ def test_a_strobe_figure_shows_the_rider_and_names_the_parts_that_touched(solver
     marks = [line for line in figure.axes[0].lines if line.get_marker() == 6]
     assert sum(len(line.get_xdata()) for line in marks) == len(descent.rebounds)
     figure.savefig(io.BytesIO(), dpi=40)
-
-
-def test_other_bodies_have_one_kind_of_touchdown() -> None:
-    for name in set(SETTINGS) - {"ridden"}:
-        said = [text.get_text() for text in plot.plot_strobe(descent_of(name, "rigid")).legends[0].get_texts()]
-        assert [text for text in said if text.startswith("touchdown")] == ["touchdown"]
-        assert len(body_outline(SETTINGS[name][0], 0.0, 0.0, 0.0)) > 2

@@ -10,7 +10,7 @@ import numpy as np
 from sledenv.kernel import params
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.scenes import Scenes
-from sledenv.uncertainty import Study
+from sledenv.uncertainty import Study, run
 from tests.own_scenarios import own_scenario
 
 # A disc that falls onto level ground and is stopped there, at its first rebound.
@@ -69,6 +69,26 @@ ROLLERS: dict[str, Any] = {
 }
 
 
+UNIFORM: dict[str, Any] = {"kind": "uniform", "low": 0.3, "high": 0.5}
+SECTION: list[list[Any]] = [[0, 40, "rock"], [10, 34, "rock"], [40, 12, "soil"], [60, 6, "soil"], [100, 4, "soil"]]
+HILL: dict[str, Any] = {
+    "id": "hill",
+    "title": "A hill",
+    "terrain": {"section": SECTION},
+    "materials": {
+        "rock": {"restitution": 0.4, "friction": UNIFORM, "rolling_arm_m": 0.01, "stiffness_n_m": 2e7},
+        "soil": {"restitution": 0.3, "friction": 0.6, "rolling_arm_m": 0.08, "stiffness_n_m": 1e7},
+    },
+    "start_m": {"kind": "uniform", "low": 1, "high": 4},
+    "heights_m": [0.5, 1],
+    "body": {"kind": "rock", "length_m": {"kind": "uniform", "low": 0.4, "high": 0.8}, "shape": 0.7},
+    "launch": {"speed_m_s": 1, "drop_m": 0.2, "orientation_deg": {"kind": "uniform", "low": -180, "high": 180}},
+    "limits": {"max_time_s": 100, "max_rebounds": 500},
+    "stations_m": [10, 25, 40, 55, 70, 85, 100],
+    "launches": 200,
+}
+
+
 def mapping(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
     """A study with some keys of its sections changed, dots in their names written as two underscores; None removes."""
     content = {key: dict(value) if isinstance(value, dict) else value for key, value in base.items()}
@@ -83,6 +103,11 @@ def mapping(base: dict[str, Any], **changes: Any) -> dict[str, Any]:
 
 def made(base: dict[str, Any], **changes: Any) -> Study:
     return Study.model_validate(mapping(base, **changes))
+
+
+def drawn(study: Study, launches: int | None = None) -> Scenes:
+    """Scenes of the first launches of a study, of all by default."""
+    return study.scenes(study.values(run.draws(study)[:launches]))
 
 
 class Lane(NamedTuple):

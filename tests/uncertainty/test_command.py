@@ -30,7 +30,9 @@ def test_study_prints_and_writes_what_it_has_found(
     assert main(["study", str(file), "--launches", "90", "--workers", "1"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("drop, 96 launches, solver rigid: A drop\n")
-    assert out.endswith("study: wrote runs/study/drop\n")
+    answer, page = out.splitlines()[-2:]
+    assert answer.startswith("drop: 100 % log_full; half end within 1.")
+    assert page == "study: wrote runs/study/drop/study.html, with tables and pictures beside it"
     assert "96.0/96.0" in err
     assert main(["study", str(file), "--launches", "90", "--workers", "1", "--json"]) == 0
     again, err = capsys.readouterr()
@@ -40,7 +42,7 @@ def test_study_prints_and_writes_what_it_has_found(
     assert sum(row["share"] for row in told["shares"]) == pytest.approx(1.0)
     assert {row["output"] for row in told["quantiles"]} >= {"stop_m"}
     mean = pd.read_parquet("runs/study/drop/quantiles.parquet").set_index("output").loc["stop_m", "mean"]
-    printed = next(line.split() for line in out.splitlines() if line.startswith("  stop_m "))
+    printed = next(line.split() for line in out.splitlines() if line.startswith("stop_m "))
     assert float(printed[1]) == pytest.approx(mean, rel=1e-3)
 
 

@@ -13,8 +13,6 @@ import yaml
 
 import sledenv
 from sledenv import Settings
-from sledenv.command.cli import main
-from sledenv.machine.files import replacing
 from sledenv.scenarios.bodies import RockBody
 from sledenv.scenarios.configuration import write_yaml
 from sledenv.simulation.checks import checked_scenes
@@ -22,30 +20,9 @@ from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.records import FINISH, MOST_ZONES, STATUS_OF_CODE
 from sledenv.simulation.support import resting_heights, within_a_turn
 from sledenv.uncertainty import Study, StudyError, load_study, run, summary
-from sledenv.uncertainty.descents import follow
+from sledenv.uncertainty.descents import descend_over, follow
 from sledenv.uncertainty.figures import plot_envelopes
-from sledenv.uncertainty.passages import descend_over
-from sledenv.uncertainty.terrain import read_section
-from tests.uncertainty.make import batch_of, lane_of
-
-UNIFORM = {"kind": "uniform", "low": 0.3, "high": 0.5}
-SECTION: list[list[Any]] = [[0, 40, "rock"], [10, 34, "rock"], [40, 12, "soil"], [60, 6, "soil"], [100, 4, "soil"]]
-HILL: dict[str, Any] = {
-    "id": "hill",
-    "title": "A hill",
-    "terrain": {"section": SECTION},
-    "materials": {
-        "rock": {"restitution": 0.4, "friction": UNIFORM, "rolling_arm_m": 0.01, "stiffness_n_m": 2e7},
-        "soil": {"restitution": 0.3, "friction": 0.6, "rolling_arm_m": 0.08, "stiffness_n_m": 1e7},
-    },
-    "start_m": {"kind": "uniform", "low": 1, "high": 4},
-    "heights_m": [0.5, 1],
-    "body": {"kind": "rock", "length_m": {"kind": "uniform", "low": 0.4, "high": 0.8}, "shape": 0.7},
-    "launch": {"speed_m_s": 1, "drop_m": 0.2, "orientation_deg": {"kind": "uniform", "low": -180, "high": 180}},
-    "limits": {"max_time_s": 100, "max_rebounds": 500},
-    "stations_m": [10, 25, 40, 55, 70, 85, 100],
-    "launches": 200,
-}
+from tests.uncertainty.make import HILL, SECTION, UNIFORM, batch_of, drawn, lane_of
 
 
 def hill(**changes: Any) -> Study:
@@ -55,26 +32,21 @@ def hill(**changes: Any) -> Study:
 def test_passages_are_those_of_descents_that_end_there() -> None:
     """Oracle: each descent simulated anew on a slope that ends at the place, in flight and in contact, bit by bit."""
     study = hill()
-    scenes = study.scenes(study.values(run.draws(study)))
+    scenes = drawn(study)
     settings = study.base.settings()
     found = descend_over(scenes, study.stations, settings)
+    speeds = found.columns["speed_m_s"]
     (ground,) = {lane_of(scenes, lane).slope.profile for lane in range(len(scenes.rows))}
     swung = flown = touched = 0
     for k, x in enumerate(study.stations[1:], 1):
         there = follow(scenes, np.full(len(scenes.rows), x), False, settings.limits)
         comes = there["status"] == FINISH
-        assert np.isnan(found.speed[~comes, k]).all()
-        both = comes & ~np.isnan(found.speed[:, k])
+        assert np.isnan(speeds[~comes, k]).all()
+        both = comes & ~np.isnan(speeds[:, k])
         lowest = there["y"] - scenes.resting_heights(there["x"], within_a_turn(there["phi"]))
         centre = there["y"] - np.interp(there["x"], *np.transpose(ground))
-        for one, oracle in (
-            (found.speed, np.hypot(there["u"], there["v"])),
-            (found.kinetic, there["kinetic"]),
-            (found.bounce, np.maximum(lowest, 0.0)),
-            (found.centre, centre),
-        ):
-            same = np.isclose(one[both, k], oracle[both], rtol=1e-7, atol=1e-7)
-            swung += np.count_nonzero(~same)
+        oracle = np.column_stack([np.hypot(there["u"], there["v"]), there["kinetic"], np.maximum(lowest, 0.0), centre])
+        swung += np.count_nonzero(~np.isclose(found.seen[both, k], oracle[both], rtol=1e-7, atol=1e-7))
         swung += np.count_nonzero(comes & ~both)
         flown += np.count_nonzero(lowest[both] > 0.0)
         touched += np.count_nonzero(lowest[both] < 0.0)
@@ -86,23 +58,22 @@ def test_passages_are_those_of_descents_that_end_there() -> None:
 def test_passages_in_thin_air_are_those_without() -> None:
     """Oracle: the flights that closed forms tell; a rock that feels next to nothing comes to the same places."""
     study = hill()
-    scenes = study.scenes(study.values(run.draws(study)[:60]))
+    scenes = drawn(study, 60)
     thin = scenes._replace(bodies=scenes.bodies.copy())
     thin.bodies["drag_area"] = 1e-8
     settings = study.base.settings()
     found, others = (descend_over(one, study.stations, settings) for one in (scenes, thin))
     assert (others.outcomes["drag"] > 0.0).all()
     assert (found.left_backwards == others.left_backwards).all()
-    for name in ("speed", "kinetic", "bounce", "centre"):
-        one, other = getattr(found, name)[:, :4], getattr(others, name)[:, :4]  # later, differences have grown
-        assert (np.isnan(one) == np.isnan(other)).all()
-        assert np.nanmedian(np.abs(one - other)) < 1e-3
+    one, other = found.seen[:, :4], others.seen[:, :4]  # later, differences have grown
+    assert (np.isnan(one) == np.isnan(other)).all()
+    assert (np.nanmedian(np.abs(one - other), axis=(0, 1)) < 1e-3).all()
 
 
 def test_whole_descents_are_those_of_a_plain_batch() -> None:
     """Oracle: simulate_batch, bit for bit, on a ground that is level where it ends."""
     study = hill(terrain={"section": [*SECTION, [120, 4, "soil"]]})
-    scenes = study.scenes(study.values(run.draws(study)[:60]))
+    scenes = drawn(study, 60)
     outcomes = descend_over(scenes, study.stations, study.base.settings()).outcomes
     assert outcomes.tobytes() == sledenv.simulate_batch(*batch_of(scenes), study.base.settings()).outcomes.tobytes()
 
@@ -178,95 +149,6 @@ def test_intervals_of_run_out_cover_the_truth() -> None:
     assert (covered / 400 < 0.995).all()
 
 
-def with_point(k: int, point: list[Any]) -> dict[str, Any]:
-    return {"section": [*SECTION[:k], point, *SECTION[k + 1 :]]}
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [
-        (
-            {"terrain": with_point(2, [9, 12, "soil"])},
-            "point 3: x_m = 9: must be > 10 m, that of point 2; put the points",
-        ),
-        (
-            {"terrain": with_point(1, [1, 30, "rock"])},
-            "the piece from point 1 to here is -84.3 degrees steep: must be at most 80 ",
-        ),
-        ({"terrain": with_point(0, [1, 40, "rock"])}, "x_m = 1: must be 0"),
-        ({"terrain": with_point(3, [60, "6", "soil"])}, "point 4 is [60, '6', 'soil']: must be a number"),
-        ({"terrain": with_point(1, [10, 34, "ice"])}, "materials = rock, soil: must be rock, ice, soil, those of"),
-        ({"solver": "rigid"}, "solver = 'rigid': must be 'compliant' on a terrain"),
-        ({"contact": {"friction": 0.1}, "slope": {"angle_deg": 3}}, "contact, slope.angle_deg: cannot be given beside"),
-        ({"terrain": None}, "materials: goes with terrain, and there is none"),
-        ({"start_m": {"kind": "uniform", "low": 1, "high": 200}}, "start_m: uniform, low 1, high 200: a share of 0.5"),
-        ({"stations_m": [3, 50]}, "stations_m = [3.0, 50.0]: must rise, from 4 m on"),
-        ({"materials": HILL["materials"] | {"soil": {}}}, "materials.soil.restitution: missing"),
-        ({"materials": {"8": {}, 8: {}}}, "must hold each name once, as a number or as text"),
-        (
-            {"terrain": with_point(1, [10, 34, ""])},
-            "point 2: material is empty: must name that of the piece that begins",
-        ),
-        ({"terrain": with_point(1, [10, 34, True])}, "point 2 is [10, 34, True]: must be [x_m, z_m, material]"),
-        (
-            {"terrain": {"section": SECTION, "steepest_deg": 85}},
-            "terrain.steepest_deg = 85: must be a number in (0, 80]",
-        ),
-    ],
-)
-def test_a_wrong_hillside_is_refused_by_name_of_the_key(changes: dict[str, Any], message: str) -> None:
-    with pytest.raises(StudyError) as error:
-        hill(**changes)
-    assert message in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("x_m,z_m,material\n0,40,rock\n3,high,rock\n", "hill.csv: line 3: z_m = 'high'"),
-        ("x_m,height\n0,40\n", "hill.csv: line 1 = 'x_m,height': must name the columns"),
-        ("#\nx_m,z_m,material\n0,40,rock\n3,38,\n5,37,soil\n", "hill.csv: line 4: material is empty: must name that"),
-        ('x_m,z_m,material\n0,40,"rock\n3,38,rock"\n5,37,soil\n', "hill.csv: line 2 = '0,40,\"rock': a quotation mark"),
-        ("x_m,y_m\n0,40\n3,38\n", "hill.csv: its first line must name the columns x_m, z_m, material"),
-    ],
-)
-def test_a_wrong_table_is_refused_by_its_line(text: str, message: str, tmp_path: Path) -> None:
-    with replacing(tmp_path / "hill.csv", ".csv") as part:
-        part.write_text(text)
-    with pytest.raises(ValueError, match="line") as error:
-        read_section(tmp_path / "hill.csv")
-    assert message in str(error.value)
-
-
-def test_a_start_behind_no_station_needs_no_rebound() -> None:
-    """Oracle: at the first station all are told where they begin."""
-    study = hill(start_m=2.0, launches=10)
-    scenes = study.scenes(study.values(run.draws(study)))
-    found = descend_over(scenes, study.stations, Settings(max_time=1e-3))
-    assert found.speed[:, 0] == pytest.approx(1.0)
-    assert found.bounce is not None
-    assert found.bounce[:, 0] == pytest.approx(0.2)
-    assert np.isnan(found.speed[:, 1:]).all()
-
-
-def test_what_is_drawn_of_the_commonest_material_is_that_of_the_law() -> None:
-    """Oracle: the parameters of each launch."""
-    drawn = dict.fromkeys(("restitution", "friction", "rolling_arm_m"), UNIFORM)
-    soil = drawn | {"stiffness_n_m": {"kind": "uniform", "low": 1e7, "high": 2e7}}
-    study = hill(materials=HILL["materials"] | {"soil": soil})
-    values = study.values(run.draws(study)[:20])
-    scenes = study.scenes(values)
-    found = dict(zip(study.parameters, values.T, strict=True))
-    rows = scenes.rows
-    np.testing.assert_array_equal(rows["friction"], found["materials.soil.friction"])
-    for arm in ("rolling_arm", "corner_rolling_arm"):
-        np.testing.assert_array_equal(rows[arm], found["materials.soil.rolling_arm_m"])
-    np.testing.assert_array_equal(rows["stiffness"], found["materials.soil.stiffness_n_m"])
-    asymmetry = rows["asymmetry"]
-    np.testing.assert_allclose(((1 - asymmetry) / (1 + asymmetry)) ** 0.5, found["materials.soil.restitution"])
-    np.testing.assert_array_equal(scenes.zones[:, 2], found["materials.rock.friction"])
-
-
 def test_as_many_runs_fit_as_there_are_zones_beside_the_commonest() -> None:
     """Oracle: runs counted by hand; every second one is of the commonest material."""
 
@@ -279,7 +161,7 @@ def test_as_many_runs_fit_as_there_are_zones_beside_the_commonest() -> None:
     study = striped(2 * MOST_ZONES + 1)
     assert study.terrain is not None
     assert study.terrain.commonest == "rock"
-    _, slope, _ = lane_of(study.scenes(study.values(run.draws(study)[:1])), 0)
+    _, slope, _ = lane_of(drawn(study, 1), 0)
     expected = [(12.0 * k + 6.0, 12.0 * k + 12.0, 0.6) for k in range(MOST_ZONES)]
     assert [(zone.begin, zone.end, zone.friction) for zone in slope.zones] == expected
     with pytest.raises(StudyError, match=f"make {MOST_ZONES + 1} runs beside those of the commonest, rock: must be at"):
@@ -344,19 +226,6 @@ def test_a_section_as_it_is_surveyed_becomes_a_study_with_one_key(tmp_path: Path
     assert load_study(tmp_path / "out" / "study.yaml").key == result.study.key == study.key
 
 
-@pytest.mark.filterwarnings("default")
-def test_the_command_says_what_was_filled_up_in_one_line(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: what Python warns of."""
-    (tmp_path / "steep.csv").write_text(STEEP)
-    one = HILL["materials"]["rock"]
-    content = HILL | {"materials": {8: one, 3: one, 5: one}, "stations_m": [60], "launches": 1}
-    write_yaml(tmp_path / "steep.yaml", content | {"terrain": {"section": "steep.csv", "steepest_deg": 80}})
-    assert main(["study", str(tmp_path / "steep.yaml"), "--out", str(tmp_path / "out"), "--workers", "1"]) == 0
-    told = [line for line in capsys.readouterr().err.splitlines() if "steepest" in line]
-    said = "3 of 9 points are under what was filled up, 0.805 m from the ground at most"
-    assert told == [f"sledenv study: warning: terrain.steepest_deg: {said}"]
-
-
 def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: Path) -> None:
     """Oracle: descents followed by themselves; a ground that rises to 20 m, in front of which all start."""
     section = [[0, 510, "rock"], [20, 516, "rock"], [25, 516, "soil"], [60, 500, "soil"]]
@@ -366,7 +235,7 @@ def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: 
     )
     result = sledenv.study(study, tmp_path / "out", workers=1, progress=False)
     table = result.read()
-    scenes = study.scenes(study.values(run.draws(study)))
+    scenes = drawn(study)
     ends = follow(scenes, np.full(len(scenes.rows), 60.0), False, study.base.settings().limits)
     left = (ends["x"] < 0.0) & (ends["status"] != FINISH)
     assert 0.3 < left.mean() < 0.9
@@ -392,9 +261,8 @@ def test_who_has_left_backwards_comes_to_no_place_afterwards() -> None:
     scenes = checked_scenes(sledenv.disc(50.0, 0.3), law, slope, launches, settings)
     assert (follow(scenes, np.array([30.0, 30.0]), False, settings.limits)["status"] == FINISH).all()
     found = descend_over(scenes, np.array([3.0, 5.0, 30.0]), settings)
-    assert found.left_backwards is not None
     assert found.left_backwards.tolist() == [True, False]
-    assert np.isnan(found.speed).tolist() == [[False, True, True], [False, False, False]]
+    assert np.isnan(found.columns["speed_m_s"]).tolist() == [[False, True, True], [False, False, False]]
 
 
 def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:
@@ -403,7 +271,7 @@ def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:
     result = sledenv.study(hill(terrain={"section": section}, launches=12), tmp_path / "out", workers=1, progress=False)
     expected = np.interp(result.envelopes["x_m"], [row[0] for row in section], [row[1] for row in section])
     np.testing.assert_allclose(result.envelopes["z_m"], expected)
-    assert "1234" in next(line for line in result.words.splitlines() if line.startswith("  10 "))
+    assert "1234" in next(line for line in result.words.splitlines() if line.startswith("10.0 "))
     figure = plot_envelopes(result)
     ax = figure.axes[0]
     assert ax.lines[0].get_ydata()[0] == 1240.0
@@ -418,16 +286,14 @@ def test_a_section_may_be_told_by_few_pieces_and_arcs() -> None:
     z = 40.0 - 0.3 * x + np.sin(x / 9.0)
     points = [[a, b, "rock" if a < 50.0 else "soil"] for a, b in zip(x.tolist(), z.tolist(), strict=True)]
     study = hill(terrain={"section": points, "tolerance_m": 0.02}, stations_m=[20, 60, 100])
-    scenes = study.scenes(study.values(run.draws(study)[:4]))
+    scenes = drawn(study, 4)
     slope = lane_of(scenes, 0).slope
     assert len(slope.profile) < 30
     assert (np.array(slope.rounding) > 0.0).any()
     assert np.abs(slope.height_at(x) - (z - z[-1])).max() <= 0.0201
     corners = hill(terrain={"section": points}, stations_m=[20, 60, 100])
-    assert len(lane_of(corners.scenes(corners.values(run.draws(corners)[:4])), 0).slope.profile) == 201
-    assert [zone.begin for zone in slope.zones] == [
-        zone.begin for zone in lane_of(corners.scenes(corners.values(run.draws(corners)[:4])), 0).slope.zones
-    ]
+    assert len(lane_of(drawn(corners, 4), 0).slope.profile) == 201
+    assert [zone.begin for zone in slope.zones] == [zone.begin for zone in lane_of(drawn(corners, 4), 0).slope.zones]
     assert study.key != corners.key
 
 
@@ -448,29 +314,19 @@ def _sleds(start: float, orientation: float, friction: float) -> Study:
 def test_a_long_body_in_air_that_starts_at_the_begin_of_a_section_has_not_left_it() -> None:
     """Oracle: its outcome; its tail touches behind the first point, its mass centre never is there."""
     study = _sleds(0.0, 10.0, 0.001)
-    scenes = study.scenes(study.values(run.draws(study)[:20]))
+    scenes = drawn(study, 20)
     found = descend_over(scenes, study.stations, study.base.settings())
     assert (found.outcomes["status"] == FINISH).all()
     assert not found.left_backwards.any()
-    assert np.isfinite(found.speed).all()
+    assert np.isfinite(found.columns["speed_m_s"]).all()
 
 
 @pytest.mark.parametrize("orientation", [-20.0, -45.0])
 def test_no_passage_is_told_of_a_place_behind_where_a_body_in_air_stops(orientation: float) -> None:
     """Oracle: where its mass centre ends; the nose touches the ground far ahead of it."""
     study = _sleds(0.0, orientation, 0.8)
-    scenes = study.scenes(study.values(run.draws(study)[:20]))
+    scenes = drawn(study, 20)
     found = descend_over(scenes, study.stations, study.base.settings())
-    told = np.where(np.isfinite(found.speed), study.stations, -np.inf).max(axis=1)
+    told = np.where(np.isfinite(found.columns["speed_m_s"]), study.stations, -np.inf).max(axis=1)
     assert (told < 10.0).all()
     assert (told <= found.outcomes["x"] + 0.5).all()  # a body that rocks may have come a little further
-
-
-def test_a_section_may_be_of_many_materials(tmp_path: Path) -> None:
-    """They share colours, and the picture is drawn."""
-    points = [[10.0 * k, 120.0 - 5.0 * k, f"m{k % 12}"] for k in range(24)]
-    ground = {"restitution": 0.3, "friction": 0.5, "rolling_arm_m": 0.01, "stiffness_n_m": 1e6}
-    study = hill(terrain={"section": points}, materials={f"m{k}": ground for k in range(12)}, launches=40)
-    found = sledenv.study(study, tmp_path / "out")
-    assert (tmp_path / "out" / "envelopes.png").is_file()
-    assert found.words

@@ -116,7 +116,7 @@ def simulate(
             count = len(next(iter(columns.values())))
             lines.append(f"simulate: wrote {count} rows into {file}\n  columns {', '.join(columns)}")
         if folder:
-            _draw(descent, folder)
+            _draw(descent, folder, asked.title)
     if folder:
         lines.append(f"simulate: wrote {' and '.join(PICTURES)} into {out}")
     written = [file for file in (csv, rebounds_csv, *(out / name for name in PICTURES if out)) if file]
@@ -332,8 +332,8 @@ def _descend(asked: _Asked, record: Record) -> Descent:
         return simulate(*asked.given, asked.settings, record=record)
 
 
-def _draw(descent: Descent, folder: Path) -> None:
+def _draw(descent: Descent, folder: Path, title: str) -> None:
     from sledenv.plot import plot_descent, plot_strobe
 
-    plot_strobe(descent).savefig(folder / PICTURES[0], dpi=DPI)
-    plot_descent(descent).savefig(folder / PICTURES[1], dpi=DPI)
+    plot_strobe(descent, labels=[title]).savefig(folder / PICTURES[0], dpi=DPI)
+    plot_descent(descent, label=title).savefig(folder / PICTURES[1], dpi=DPI)

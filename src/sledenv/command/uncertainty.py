@@ -48,4 +48,7 @@ def study(
     title = f"{given.id}, {found.launches} launches, solver {given.solver}: {given.question or given.title}"
     tables = {name: getattr(found, name) for name in ("shares", "quantiles", "stops", "envelopes", "sobol")}
     named = {"study": given.id, "launches": found.launches, "solver": given.solver}
-    tell(f"{title}\n{found.words}\nstudy: wrote {folder}", named | tables | {"written": [folder]}, json)
+    page = f"study: wrote {folder / 'study.html'}, with tables and pictures beside it"
+    tell(
+        f"{title}\n\n{found.words}\n\n{given.id}: {found.answer}\n{page}", named | tables | {"written": [folder]}, json
+    )

@@ -1,4 +1,4 @@
-"""What happens in the contacts of a descent, over time: forces, slip and stick, penetration."""
+"""What happens in the contacts of a descent, over time: forces, slip and stick."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
-from sledenv.plot.trajectories import by_label, contact_rows, kinetic, rows_between, touches_in
+from sledenv.plot.trajectories import by_label, kinetic, rows_between, touches_in
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -54,8 +54,6 @@ def plot_impact(descent: Descent, start: float = 0.0, stop: float = math.inf) ->
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the trajectory is missing or has fewer than two rows in the interval.
     """
@@ -115,8 +113,6 @@ def plot_slip(descent: Descent, start: float = 0.0, stop: float = math.inf) -> F
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the trajectory is missing, has fewer than two rows in the interval, or none in contact there.
     """
@@ -178,65 +174,6 @@ def _friction(descent: Descent, rows: np.ndarray) -> np.ndarray:
     same = (rows["touching"] == rows["touching"][beside])[:, np.newaxis]
     friction = descent.slope.friction_at(np.where(same, 0.5 * (x + x[beside]), x), descent.law.friction)
     return friction[np.arange(x.shape[1]) < rows["touching"][:, np.newaxis]]
-
-
-def plot_penetration(descent: Descent, number: int = 0) -> Figure:
-    """Plot how deep a compliant contact goes, over time, and the normal force over the depth.
-
-    Parameters
-    ----------
-    descent : Descent
-        Simulated with ``record="trajectory"``.
-    number : int
-        Row of ``descent.rebounds``: a contact that takes time.
-
-    Returns
-    -------
-    Figure
-        Penetration over time; the loop of the normal force, whose area is lost by hysteresis. Where several parts of
-        the body touch, or one does a profile at several places, each has its line.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is missing.
-    ValueError
-        If the trajectory is missing, or there is no such contact or it takes no time.
-    """
-    rows = contact_rows(descent, number)
-    touches = touches_in(descent.body, rows)
-    depth, normal = touches.depth, touches.forces["normal"]
-    depths, loads = (by_label(descent, touches.forces, values, len(rows)) for values in (depth, normal))
-    scale, unit = _time_scale(rows)
-    length, lengths = (1e6, "µm") if depth.max() < 1e-4 else (1e3, "mm")
-    force, forces = (1e-3, "kN") if normal.max() > 1e4 else (1.0, "N")
-    opening = touches.gap_rate > 0.0
-    with styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(WIDTH, 4.0), layout="constrained")
-        left, right = figure.subplots(1, 2)
-        for colour, (label, values) in zip(cycle(_SEVERAL), depths.items(), strict=False):
-            drawn = colour if len(depths) > 1 else BLUE
-            left.plot(scale * (rows["t"] - rows["t"][0]), length * values, color=drawn, label=plain(label))
-        if len(depths) > 1:
-            left.legend()
-        left.set_xlabel(f"time since the touchdown [{unit}]")
-        left.set_ylabel(f"penetration [{lengths}]")
-        left.set_title(f"contact {number + 1}, at {rows['t'][0]:.4g} s", loc="left")
-        loss = float(descent.rebounds["loss_hysteresis"][number])
-        for label, values in depths.items():
-            right.plot(length * values, force * loads[label], color=INK, lw=0.6)
-        for mask, colour, label in ((~opening, BLUE, "gap closes or rests"), (opening, RED, "gap opens")):
-            right.plot(length * depth[mask], force * normal[mask], ".", ms=4.0, color=colour, label=label)
-        right.set_xlabel(f"penetration [{lengths}]")
-        right.set_ylabel(f"normal force N [{forces}]")
-        right.set_title(f"lost by hysteresis: {loss:.4g} J", loc="left")
-        right.legend()
-        for ax in (left, right):
-            ax.set_xlim(left=0.0)
-            ax.set_ylim(bottom=0.0)
-    return figure
 
 
 def _time_scale(rows: np.ndarray) -> tuple[float, str]:

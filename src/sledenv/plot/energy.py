@@ -37,13 +37,15 @@ _LEAST: Final = 1e-6  # of the natural units: what an axis shows at least, so th
 _STILL: Final = 1e-9  # [m/s] rounding of the rate of a gap that turns
 
 
-def plot_descent(descent: Descent) -> Figure:
+def plot_descent(descent: Descent, *, label: str = "") -> Figure:
     """Plot velocities (the paper's Fig. 12-14) and the energy ledger of a descent over time.
 
     Parameters
     ----------
     descent : Descent
         Simulated with ``record="trajectory"``.
+    label : str
+        Put in front of its title.
 
     Returns
     -------
@@ -53,8 +55,6 @@ def plot_descent(descent: Descent) -> Figure:
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the trajectory is missing.
     """
@@ -81,7 +81,7 @@ def plot_descent(descent: Descent) -> Figure:
         axes[3].set_ylabel("energy [J]")
         axes[3].set_xlabel("time [s]")
         axes[3].set_xlim(t[0], t[-1] if t[-1] > t[0] else t[0] + 1.0)
-        axes[0].set_title(outcome(descent), loc="left")
+        axes[0].set_title(outcome(descent, label), loc="left")
         handles = [*axes[3].get_legend_handles_labels()[0], contact_key()]
         figure.legend(handles=handles, loc="outside lower center", ncols=4)
         figure.align_ylabels(axes)

@@ -37,8 +37,6 @@ def plot_growth(found: Sensitivity) -> Figure:
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If there is no rebound, or a field of the launch is not among the parameters.
     """

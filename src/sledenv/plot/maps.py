@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,25 +16,17 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_MODE_COLOURS = {
-    "slide-roll": SKY,
-    "stop-roll": GREEN,
-    "slide": ORANGE,
-    "stuck": RED,
-    "spin-reversal": PURPLE,
-    "slip-reversal": BLUE,
-    "double-reversal": INK,
+_MODES = {  # colour and words
+    "slide-roll": (SKY, "slides and rotates"),
+    "stop-roll": (GREEN, "sliding stops, rolls"),
+    "slide": (ORANGE, "slides without rotation"),
+    "stuck": (RED, "stuck"),
+    "spin-reversal": (PURPLE, "spin reversed"),
+    "slip-reversal": (BLUE, "slip reversed"),
+    "double-reversal": (INK, "slip and spin reversed"),
 }
 _TABLE_1 = ("slide-roll", "stop-roll", "slide", "stuck")  # in the order of its rows
-_MODE_WORDS = {
-    "slide-roll": "slides and rotates",
-    "stop-roll": "sliding stops, rolls",
-    "slide": "slides without rotation",
-    "stuck": "stuck",
-    "spin-reversal": "spin reversed",
-    "slip-reversal": "slip reversed",
-    "double-reversal": "slip and spin reversed",
-}
+_ALPHA = 0.85
 
 
 def plot_table_1(
@@ -62,25 +54,20 @@ def plot_table_1(
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the shapes do not agree.
     """
-    for name, cells in (("scenario", scenario), ("printed", printed)):
-        if cells.shape != (len(friction), len(speed_ratio)):
-            raise ValueError(f"{name} has shape {cells.shape}: must be {(len(friction), len(speed_ratio))}")
-    found = [name for name in _MODE_COLOURS if (scenario == name).any()]
+    _check_cells({"scenario": [scenario], "printed": [printed]}, (len(friction), len(speed_ratio)))
+    found = [name for name in _MODES if (scenario == name).any()]
     rows = {name: f"{_TABLE_1.index(name) + 1}  " if name in _TABLE_1 else "" for name in found}
     with styled({"hatch.linewidth": 0.8, "hatch.color": INK}):
         from matplotlib.figure import Figure
-        from matplotlib.patches import Patch
 
         figure = Figure(figsize=(WIDTH, 5.4), layout="constrained")
         left, right = figure.subplots(1, 2, sharex=True, sharey=True)
         left.set_title("corrected: one scenario everywhere", loc="left")
         right.set_title("as printed: the rules that hold", loc="left")
-        for ax, alpha in ((left, 0.85), (right, 0.45)):
+        for ax, alpha in ((left, _ALPHA), (right, 0.45)):
             _draw_modes(ax, speed_ratio, friction, scenario, found, alpha)
             ax.set_xlabel("$u_0/v_0$, tangential over normal speed [-]")
         left.set_ylabel("friction coefficient $f$ [-]")
@@ -99,10 +86,8 @@ def plot_table_1(
                 edge = (printed == rules).astype(float)
                 right.contour(speed_ratio, friction, edge, levels=[0.5], colors=INK, linewidths=0.8)
                 right.text(speed_ratio[cell[1]], friction[cell[0]], rules, **label)
-        handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=rows[name] + _MODE_WORDS[name]) for name in found]
-        handles.append(Patch(facecolor="none", hatch="///", edgecolor=INK, label="several printed rules hold"))
-        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
-        figure.legend(handles=handles, loc="outside lower center", ncols=3)
+        keys = [*_keys(found, rows), _hatched("///", "several printed rules hold")]
+        _finish(figure, note, keys, 3)
     return figure
 
 
@@ -129,35 +114,19 @@ def plot_mode_map(
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If there are no panels or the shapes do not agree.
     """
-    if not panels:
-        raise ValueError("panels is empty: there is nothing to draw")
-    for title, modes in panels.items():
-        if modes.shape != (len(speed_ratio), len(phi)):
-            raise ValueError(f"{title!r} has shape {modes.shape}: must be {(len(speed_ratio), len(phi))}")
+    _check_cells({title: [modes] for title, modes in panels.items()}, (len(speed_ratio), len(phi)))
     words = {mode: mode_name(mode) for mode in Mode}
     found = [words[mode] for mode in Mode if any((modes == mode).any() for modes in panels.values())]
     with styled():
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Patch
-        from matplotlib.ticker import MultipleLocator
-
-        figure = Figure(figsize=(WIDTH, 1.0 + 3.3 * len(panels)), layout="constrained")
-        axes: list[Axes] = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
-        for ax, (title, modes) in zip(axes, panels.items(), strict=True):
+        figure, axes = _over_orientations(panels, 1.0, "touch")
+        for ax, modes in zip(axes, panels.values(), strict=True):
             names = np.array(["", *words.values()])[modes]
-            _draw_modes(ax, np.degrees(phi), speed_ratio, names, found, 0.85)
-            ax.set_title(plain(title), loc="left")
+            _draw_modes(ax, np.degrees(phi), speed_ratio, names, found, _ALPHA)
             ax.set_ylabel("$u/|v|$ at touch [-]")
-            ax.xaxis.set_major_locator(MultipleLocator(45.0))
-        axes[-1].set_xlabel("orientation $\\varphi$ at touch [deg]")
-        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
-        handles = [Patch(color=_MODE_COLOURS[name], alpha=0.85, label=_MODE_WORDS[name]) for name in found]
-        figure.legend(handles=handles, loc="outside lower center", ncols=min(len(handles), 5), columnspacing=1.2)
+        _finish(figure, note, _keys(found), min(len(found), 5))
     return figure
 
 
@@ -191,51 +160,71 @@ def plot_jam_map(
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If there are no panels or the shapes do not agree.
     """
-    if not panels:
-        raise ValueError("panels is empty: there is nothing to draw")
-    for title, cells in panels.items():
-        for values in cells:
-            if values.shape != (len(spin), len(phi)):
-                raise ValueError(f"{title!r} has shape {values.shape}: must be {(len(spin), len(phi))}")
+    _check_cells(panels, (len(spin), len(phi)))
     degrees = np.degrees(phi)
     with styled({"hatch.linewidth": 0.4, "hatch.color": INK}):
-        from matplotlib.figure import Figure
-        from matplotlib.patches import Patch
-        from matplotlib.ticker import MultipleLocator
-
-        figure = Figure(figsize=(WIDTH, 1.3 + 3.2 * len(panels)), layout="constrained")
-        axes: list[Axes] = list(figure.subplots(len(panels), 1, sharex=True, squeeze=False)[:, 0])
-        for ax, (title, (jam, finished)) in zip(axes, panels.items(), strict=True):
+        figure, axes = _over_orientations(panels, 1.3, "launch")
+        for ax, (jam, finished) in zip(axes, panels.values(), strict=True):
             image = ax.pcolormesh(degrees, spin, jam, vmin=0.0, vmax=1.0, shading="nearest", rasterized=True)
             if not finished.all():
                 ax.contourf(degrees, spin, ~finished, levels=[0.5, 1.5], colors="none", hatches=["////"])
             if mark is not None:
-                ax.plot(
-                    np.degrees(mark[0]),
-                    mark[1],
-                    marker="X",
-                    ms=10.0,
-                    color=RED,
-                    mec="white",
-                    ls="",
-                    label=plain(mark[2]),
-                )
-            ax.set_title(plain(title), loc="left")
+                x, y, called = np.degrees(mark[0]), mark[1], plain(mark[2])
+                ax.plot(x, y, marker="X", ms=10.0, color=RED, mec="white", ls="", label=called)
             ax.set_ylabel("spin $\\omega$ at launch [rad/s]")
             _show_whole_cells(ax, degrees, spin)
-            ax.xaxis.set_major_locator(MultipleLocator(45.0))
-        axes[-1].set_xlabel("orientation $\\varphi$ at launch [deg]")
         figure.colorbar(image, ax=axes, label="jam index [-]", aspect=32, pad=0.02)
-        unfinished = Patch(facecolor="none", hatch="////", edgecolor=INK, label="end of the slope not reached")
-        handles: list[Artist] = [unfinished, *axes[0].get_legend_handles_labels()[0]]
-        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
+        unfinished = _hatched("////", "end of the slope not reached")
+        _finish(figure, note, [unfinished, *axes[0].get_legend_handles_labels()[0]], 2)
     return figure
+
+
+def _check_cells(panels: Mapping[str, Iterable[np.ndarray]], shape: tuple[int, int]) -> None:
+    """Raise ValueError, naming the panel, if there are none or one has another shape."""
+    if not panels:
+        raise ValueError("panels is empty: there is nothing to draw")
+    for title, cells in panels.items():
+        for values in cells:
+            if values.shape != shape:
+                raise ValueError(f"{title!r} has shape {values.shape}: must be {shape}")
+
+
+def _over_orientations(titles: Iterable[str], more: float, when: str) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a map below each other for each title, over the orientation at some time."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import MultipleLocator
+
+    titles = list(titles)
+    figure = Figure(figsize=(WIDTH, more + 3.25 * len(titles)), layout="constrained")
+    axes: list[Axes] = list(figure.subplots(len(titles), 1, sharex=True, squeeze=False)[:, 0])
+    for ax, title in zip(axes, titles, strict=True):
+        ax.set_title(plain(title), loc="left")
+        ax.xaxis.set_major_locator(MultipleLocator(45.0))
+    axes[-1].set_xlabel(f"orientation $\\varphi$ at {when} [deg]")
+    return figure, axes
+
+
+def _finish(figure: Figure, note: str, keys: Sequence[Artist], columns: int) -> None:
+    """Write a note above the panels of a map, and its legend below them."""
+    figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
+    figure.legend(handles=keys, loc="outside lower center", ncols=columns, columnspacing=1.2)
+
+
+def _keys(found: Iterable[str], before: Mapping[str, str] | None = None) -> list[Artist]:
+    """Entries of the legend for modes, with something before their words."""
+    from matplotlib.patches import Patch
+
+    said = {name: (before or {}).get(name, "") + _MODES[name][1] for name in found}
+    return [Patch(color=_MODES[name][0], alpha=_ALPHA, label=label) for name, label in said.items()]
+
+
+def _hatched(hatch: str, label: str) -> Artist:
+    from matplotlib.patches import Patch
+
+    return Patch(facecolor="none", hatch=hatch, edgecolor=INK, label=label)
 
 
 def _draw_modes(ax: Axes, x: np.ndarray, y: np.ndarray, names: np.ndarray, found: list[str], alpha: float) -> None:
@@ -245,7 +234,7 @@ def _draw_modes(ax: Axes, x: np.ndarray, y: np.ndarray, names: np.ndarray, found
     index = np.zeros(names.shape, dtype=int)
     for i, name in enumerate(found):
         index[names == name] = i
-    colours = ListedColormap([_MODE_COLOURS[name] for name in found])
+    colours = ListedColormap([_MODES[name][0] for name in found])
     ax.pcolormesh(
         x, y, index, cmap=colours, vmin=-0.5, vmax=len(found) - 0.5, shading="nearest", alpha=alpha, rasterized=True
     )

@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import cycle
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sledenv.plot.grounds import surface
-from sledenv.plot.shapes import body_outline, strobe_times, to_world
+from sledenv.plot.shapes import to_world
 from sledenv.plot.style import (
     BLUE,
     DASHES,
@@ -26,8 +24,8 @@ from sledenv.plot.style import (
     shade_contacts,
     styled,
 )
-from sledenv.plot.trajectories import contact_rows, opening
-from sledenv.simulation.interpolation import drawable_rows, states_at
+from sledenv.plot.trajectories import first_contact, opening
+from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 
 if TYPE_CHECKING:
@@ -53,8 +51,6 @@ def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float,
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If ``series`` is empty.
     """
@@ -112,11 +108,6 @@ def plot_convergence(stiffness: np.ndarray, errors: Mapping[str, np.ndarray], *,
     -------
     Figure
         With a line of slope -1/2 to compare with.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is missing.
     """
     with styled():
         from matplotlib.figure import Figure
@@ -155,8 +146,6 @@ def plot_velocities(descent: Descent, *, note: str = "", paper: bool = False) ->
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the trajectory is missing.
     """
@@ -203,12 +192,10 @@ def plot_impact_phases(descent: Descent, *, note: str = "") -> Figure:
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If the trajectory is missing or has no contact that takes time.
     """
-    rows = contact_rows(descent)
+    rows = first_contact(descent)
     turn = opening(descent, rows)
     begin, middle, end = (1e3 * float(rows["t"][i]) for i in (0, turn, -1))
     with styled():
@@ -253,8 +240,6 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
 
     Raises
     ------
-    ImportError
-        If matplotlib is missing.
     ValueError
         If there are no panels, or a trajectory is missing or has no contact that takes time.
     """
@@ -266,7 +251,7 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
         figure = Figure(figsize=(WIDTH, 5.6), layout="constrained")
         grid = figure.subplots(2, len(panels), sharex=True, sharey="row", squeeze=False)
         for (upper, lower), (title, descent) in zip(grid.T, panels.items(), strict=True):
-            rows = contact_rows(descent)
+            rows = first_contact(descent)
             t = 1e3 * rows["t"]
             touching = rows["contacts"]["x"][:, 0]
             bound = descent.slope.friction_at(touching, descent.law.friction) * rows["normal"]
@@ -289,55 +274,4 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
         grid[1, 0].set_ylabel("tangential force F(t) [N]")
         figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
         figure.legend(*grid[1, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
-    return figure
-
-
-def plot_rides(rides: Mapping[str, Descent], *, note: str = "", interval: float = 0.3) -> Figure:
-    """Plot descents over grounds of their own: where the body is again and again, and what the ground pushes.
-
-    Parameters
-    ----------
-    rides : mapping of str to Descent
-        By the name of the ground; simulated with ``record="trajectory"``.
-    note : str
-        Written above the panels.
-    interval : float
-        Time [s] between two outlines of the body.
-
-    Returns
-    -------
-    Figure
-        A panel a descent, along and across the slope, and one of all normal loads over the weight.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is missing.
-    ValueError
-        If a trajectory is missing.
-    """
-    with styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(1.5 * WIDTH, 1.6 * len(rides) + 3.0), layout="constrained")
-        heights = [*[1.0] * len(rides), 2.2]
-        axes: list[Axes] = list(figure.subplots(len(rides) + 1, 1, sharex=True, height_ratios=heights))
-        loads, right = axes[-1], max(ride.slope.length for ride in rides.values()) + 2.0
-        for ax, colour, (name, ride) in zip(axes[:-1], cycle((ORANGE, BLUE, GREEN)), rides.items(), strict=False):
-            rows, slope = drawable_rows(ride), ride.slope
-            ground = surface(slope.vertices, -2.0, right)
-            foot = float(ground[:, 1].min()) - 0.6
-            ax.fill_between(ground[:, 0], ground[:, 1], foot, color=SHADE, lw=0.0)
-            ax.plot(*ground.T, color=INK, lw=0.8)
-            for state in states_at(rows, strobe_times(ride.body, rows, interval)):
-                ax.plot(*body_outline(ride.body, *state[:3].tolist()).T, color=colour, lw=0.8)
-            ax.set(
-                aspect="equal", xlim=(-2.0, right), ylim=(foot, float(rows["y"].max()) + ride.body.size), ylabel="[m]"
-            )
-            ax.set_title(f"{plain(name)}: {ride.status}, {ride.time:.2f} s, {len(ride.rebounds)} rebounds", loc="left")
-            weight = ride.body.mass * slope.gravity
-            loads.plot(rows["x"], np.maximum(rows["normal"] / weight, 1e-3), color=colour, lw=0.9, label=plain(name))
-        loads.set(yscale="log", ylim=(0.1, None), xlabel="along the slope [m]", ylabel="normal load / weight")
-        loads.legend(loc="upper left", ncols=len(rides))
-        figure.suptitle(plain(note), x=0.01, ha="left", fontsize=10.0)
     return figure

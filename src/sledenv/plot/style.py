@@ -31,13 +31,7 @@ WIDTH = 9.0  # [in]
 
 
 def styled(more: dict[str, Any] | None = None) -> AbstractContextManager[None]:
-    """Return the context in which figures are drawn, with ``more`` settings of matplotlib.
-
-    Raises
-    ------
-    ImportError
-        If matplotlib is missing.
-    """
+    """Return the context in which figures are drawn, with ``more`` settings of matplotlib."""
     with needs("plot", "figures"):
         import matplotlib
     settings: Any = STYLE | (more or {})  # matplotlib types the names of its settings
@@ -49,13 +43,10 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
-def outcome(descent: Descent) -> str:
-    """Return how a descent ended, for a title."""
-    jam = descent.jam
-    return (
-        f"{descent.status} after {descent.time:.2f} s, reward {float(jam.reward):.2f}, "
-        f"jam index {float(jam.jam_index):.2f}"
-    )
+def outcome(descent: Descent, label: str = "") -> str:
+    """Return a title: what a descent is called, if it is, and how it ended."""
+    called = f"{plain(label)}: " if label else ""
+    return f"{called}{descent.status} after {descent.time:.2f} s, reward {float(descent.jam.reward):.2f}"
 
 
 def shade_contacts(ax: Axes, descent: Descent, scale: float) -> None:

@@ -123,20 +123,18 @@ def rows_between(descent: Descent, start: float, stop: float) -> np.ndarray:
     return rows
 
 
-def contact_rows(descent: Descent, number: int = 0) -> np.ndarray:
-    """Return the rows of one rebound, from touchdown to separation.
+def first_contact(descent: Descent) -> np.ndarray:
+    """Return the rows of the first rebound, from touchdown to separation.
 
     Raises
     ------
     ValueError
-        If the trajectory is missing, or there is no such rebound or it takes no time.
+        If the trajectory is missing, or there is no rebound or it takes no time.
     """
     every = drawable_rows(descent)
-    if not 0 <= number < len(descent.rebounds):
-        raise ValueError(f"number = {number!r}: must be in [0, {len(descent.rebounds)}), the contacts of the descent")
-    rows = rows_of(descent.rebounds[number], every)
+    rows = rows_of(descent.rebounds[0], every) if len(descent.rebounds) else every[:0]
     if len(rows) < 2 or rows["t"][-1] <= rows["t"][0]:
-        raise ValueError(f"number = {number!r}: this contact takes no time, as between rigid surfaces")
+        raise ValueError("the descent has no first contact that takes time, as between rigid surfaces")
     return rows
 
 

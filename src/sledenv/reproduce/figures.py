@@ -15,7 +15,6 @@ from sledenv.plot import (
     plot_impact_phases,
     plot_jam_map,
     plot_mode_map,
-    plot_rides,
     plot_sliding_end,
     plot_strobe,
     plot_table_1,
@@ -164,12 +163,7 @@ def write_wheel(folder: Path, straight: Descent, oblique: Mapping[str, Descent])
 
 def write_rides(folder: Path, rides: Mapping[str, Descent]) -> None:
     """A sled on the plane and over bumps."""
-    note = (
-        f"The same launch of a sled with its rider at {cases.RIDE_LAUNCH.u:g} m/s on a slope of 9°, "
-        f"{cases.RIDE_LENGTH:g} m long, e = {cases.RIDE_LAW.restitution:.1f}, f = {cases.RIDE_LAW.friction:g}; "
-        f"bumps {cases.BUMP_HEIGHT:g} m high and {cases.BUMP_LENGTH:g} m long"
-    )
-    plot_rides(rides, note=note).savefig(folder / "bumps.png", dpi=_DPI)
+    plot_strobe(list(rides.values()), labels=list(rides)).savefig(folder / "bumps.png", dpi=_DPI)
     write_csv(
         folder / "bumps.csv",
         ("ground", "t_s", "x_m", "y_m", "phi_rad", "u_m_s", "v_m_s", "omega_rad_s", "normal_n", "contacts"),

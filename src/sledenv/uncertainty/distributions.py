@@ -1,8 +1,8 @@
-"""What may be known of a number: the distributions that a study can give to a parameter."""
+"""Distributions that a study can give to a number, those of scipy.stats."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal, Self
+from typing import Annotated, Any, Final, Literal, Self, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,14 +33,14 @@ class Distribution(Section):
             raise ValueError(f"mode = {mode:g}: must be in [low, high] = [{low:g}, {high:g}]")
         return self
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         raise NotImplementedError
 
     def at(self, draws: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the values below which shares ``draws`` of all lie, each in (0, 1); same shape."""
         with np.errstate(over="ignore"):  # inf is no number that a key accepts
-            values = np.asarray(self.frozen().ppf(draws), dtype=np.float64)
+            values = np.asarray(self._scipy.ppf(draws), dtype=np.float64)
         return np.clip(values, getattr(self, "low", -np.inf), getattr(self, "high", np.inf))  # rounding
 
     @property
@@ -52,7 +52,7 @@ class Distribution(Section):
     def outside(self, low: float, high: float) -> float:
         """Return the share of values below ``low`` or above ``high``."""
         with np.errstate(over="ignore"):
-            return float(self.frozen().cdf(low) + self.frozen().sf(high))
+            return float(self._scipy.cdf(low) + self._scipy.sf(high))
 
     @property
     def words(self) -> str:
@@ -68,8 +68,8 @@ class Uniform(Distribution):
     low: Number
     high: Number
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         return stats.uniform(self.low, self.high - self.low)
 
 
@@ -80,8 +80,8 @@ class Normal(Distribution):
     mean: Number
     sd: Positive  # standard deviation
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         return stats.norm(self.mean, self.sd)
 
 
@@ -94,8 +94,8 @@ class TruncatedNormal(Distribution):
     low: Number
     high: Number
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         low, high = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
         return stats.truncnorm(low, high, self.mean, self.sd)
 
@@ -107,8 +107,8 @@ class Lognormal(Distribution):
     median: Positive
     log_sd: Positive  # standard deviation of the natural logarithm
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         return stats.lognorm(self.log_sd, scale=self.median)
 
 
@@ -120,8 +120,8 @@ class Triangular(Distribution):
     mode: Number
     high: Number
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         width = self.high - self.low
         return stats.triang((self.mode - self.low) / width, self.low, width)
 
@@ -131,15 +131,12 @@ class TrackNumber(Distribution):
 
     kind: Literal["track"] = "track"
 
-    def frozen(self) -> Any:
-        """Return the distribution of scipy.stats."""
+    @property
+    def _scipy(self) -> Any:
         return stats.randint(0, TRACKS)
 
 
 KINDS: Final[dict[str, type[Distribution]]] = {
-    "uniform": Uniform,
-    "normal": Normal,
-    "truncated_normal": TruncatedNormal,
-    "lognormal": Lognormal,
-    "triangular": Triangular,
+    get_args(kind.model_fields["kind"].annotation)[0]: kind
+    for kind in (Uniform, Normal, TruncatedNormal, Lognormal, Triangular)
 }

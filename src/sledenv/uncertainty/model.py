@@ -35,7 +35,13 @@ from sledenv.simulation.scenes import Scenes, settle_speed
 from sledenv.uncertainty.distributions import KINDS, Distribution, Positive, TrackNumber
 from sledenv.uncertainty.terrain import MaterialSection, TerrainSection, read_section
 
-PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
+_SECTIONS: Final[dict[str, type[Section]]] = {
+    "slope": SlopeSection,
+    "contact": ContactSection,
+    "zone": ZoneSection,
+    "launch": LaunchSection,
+}
+_PARTS: Final = ("slope", "body", "contact", "zone", "launch")  # sections whose numbers may be uncertain
 # Which field of what the simulator takes a key stands for; those of a body are told by its section.
 _CONTEXT: Final = {
     "slope.angle_deg": "angle",
@@ -67,7 +73,6 @@ _EITHER: Final = ({"restitution", "asymmetry"}, {"profile_m", "profile_file", "b
 _INCLINE: Final = ("gravity_m_s2", "air_density_kg_m3")  # of a slope, what terrain leaves open
 _SLOPE: Final = {"slope.length_m": "length", "slope.gravity_m_s2": "gravity", "slope.air_density_kg_m3": "air_density"}
 _NO_CONTROL: Final = {"orientation_deg": [-180, 180], "spin_rad_s": [-1, 1]}  # a scenario must have one: nobody chooses
-_DROP, _TRACK = (Context._fields.index(name) for name in ("drop", "track"))
 _STATIONS: Final = 20
 
 
@@ -155,6 +160,7 @@ class Study(Document):
     @model_validator(mode="after")
     def _can_be_simulated(self) -> Self:
         """Check all that can be before anything is drawn."""
+        base = self.base  # refuses keys that there are not
         problems = [self._misfit(name, distribution) for name, distribution in self._given.items()]
         known = _CONTEXT.keys() | _LAW.keys() | _SLOPE.keys() | {_START}
         if _BUMPS in self.parameters:
@@ -162,10 +168,12 @@ class Study(Document):
         free = "body.", "materials."
         certain = [name for name in self._given if not name.startswith(free) and name not in known]
         problems += [f"{name}: must be certain, a number alone" for name in certain]
-        problems += self._left_open()
-        if self.solver != "compliant" and self.base.has_track:
+        low, high = (dict(zip(Context._fields, ends, strict=True)) for ends in base.ranges)
+        ranges = [name for name, field in _CONTEXT.items() if low[field] < high[field]]
+        problems += [f"{name}: is a range, give a number or a distribution" for name in ranges]
+        if self.solver != "compliant" and (self.terrain is not None or base.has_track):
             problems.append(f"solver = {self.solver!r}: must be 'compliant' where there is a profile")
-        if isinstance(self.base.body_section, ChoiceBody):
+        if isinstance(base.body_section, ChoiceBody):
             problems.append("body.kind = 'choice': a study is of one body")
         if not self.parameters:
             problems.append("nothing is uncertain: give a key of slope, body, contact or launch a distribution")
@@ -185,7 +193,7 @@ class Study(Document):
             content = load_scenario(self.scenario).model_dump(by_alias=True)
         content |= {"id": self.id, "title": self.title, "rider": None}
         content |= self._hillside()
-        for part in (*PARTS, "limits", "ends"):
+        for part in (*_PARTS, "limits", "ends"):
             if part == "zone":
                 continue
             given = _medians(getattr(self, part))
@@ -213,8 +221,6 @@ class Study(Document):
         given |= {f"slope.{key}" for key in self.slope if key not in _INCLINE}
         if given:
             raise ValueError(f"{', '.join(sorted(given))}: cannot be given beside terrain")
-        if self.solver != "compliant":
-            raise ValueError(f"solver = {self.solver!r}: must be 'compliant' on a terrain")
         used = dict.fromkeys(run.material for run in self.terrain.runs)
         if used.keys() != self.materials.keys():
             names = f"{', '.join(used)}, those of terrain.section"
@@ -262,7 +268,7 @@ class Study(Document):
     @property
     def _given(self) -> dict[str, Distribution]:
         """Distributions that are given, by key."""
-        every = {f"{part}.{key}": value for part in PARTS for key, value in getattr(self, part).items()}
+        every = {f"{part}.{key}": value for part in _PARTS for key, value in getattr(self, part).items()}
         every |= {
             f"materials.{name}.{key}": value for name, one in self.materials.items() for key, value in one.items()
         }
@@ -296,11 +302,12 @@ class Study(Document):
     def scenes(self, values: NDArray[np.float64]) -> Scenes:
         """Return the descents of values of the parameters, shape (N, parameters)."""
         base = self.base
-        given = {name: _si(name, column) for name, column in zip(self.parameters, values.T, strict=True)}
+        given = dict(zip(self.parameters, values.T, strict=True))
+        given |= {name: np.radians(column) for name, column in given.items() if name.endswith("_deg")}
         contexts = np.tile(base.ranges[0], (len(values), 1))
-        for name, i in _columns(_CONTEXT, Context).items():
-            contexts[:, i] = given.get(name, contexts[:, i])
-        contexts[:, _TRACK] = given.get(_BUMPS, 0.0)
+        for name, field in (_CONTEXT | {_BUMPS: "track"}).items():
+            if name in given:
+                contexts[:, Context._fields.index(field)] = given[name]
         scenes = base.scenes(contexts)
         if self._of_bodies:
             scenes.rows["body"] = np.arange(len(values))
@@ -314,7 +321,7 @@ class Study(Document):
         rows["settle_speed"] = settle_speed(rows["gravity"], scenes.of_body("size"))
         launches[:, 0] = given.get(_START, self.start_m)
         lowest = scenes.resting_heights(launches[:, 0], launches[:, 2])
-        launches[:, 1] = contexts[:, _DROP] + lowest
+        launches[:, 1] = contexts[:, Context._fields.index("drop")] + lowest
         if len(scenes.zones):  # which may overlap where one is drawn
             zones = scenes.zones.reshape(len(rows), -1, len(Zone._fields))
             check_zones(zones, np.full(len(rows), np.inf))
@@ -382,23 +389,8 @@ class Study(Document):
         part, _, key = name.partition(".")
         if part == "materials":
             return MaterialSection.quantities()[key.rpartition(".")[2]]
-        return self._sections[part].quantities()[key]
-
-    @property
-    def _sections(self) -> dict[str, type[Section]]:
-        return {
-            "slope": SlopeSection,
-            "body": type(self.base.body_section),
-            "contact": ContactSection,
-            "zone": ZoneSection,
-            "launch": LaunchSection,
-        }
-
-    def _left_open(self) -> list[str]:
-        """Return what is wrong with ranges that the study does not decide."""
-        low, high = self.base.ranges
-        ranges = [name for name, i in _columns(_CONTEXT, Context).items() if low[i] < high[i]]
-        return [f"{name}: is a range, give a number or a distribution" for name in ranges]
+        section = type(self.base.body_section) if part == "body" else _SECTIONS[part]
+        return section.quantities()[key]
 
 
 def load_study(name_or_path: str | os.PathLike[str]) -> Study:
@@ -434,12 +426,3 @@ def _central(value: Any) -> Any:
 
 def _medians(given: Given) -> dict[str, Any]:
     return {key: _central(value) for key, value in given.items()}
-
-
-def _si(name: str, column: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.radians(column) if name.endswith("_deg") else column
-
-
-def _columns(fields: dict[str, str], kind: type[Any]) -> dict[str, int]:
-    """Return in which column of rows of a kind each key is."""
-    return {name: kind._fields.index(field) for name, field in fields.items()}

@@ -1,4 +1,4 @@
-"""What a study has found: its tables, and the files that its launches are read from."""
+"""The result of a study: its tables, and the files that its launches are read from."""
 
 from __future__ import annotations
 
@@ -55,6 +55,11 @@ class StudyResult:
     def read(self, columns: list[str] | None = None) -> pd.DataFrame:
         """Return a row a launch: parameters, status, outputs, speed and energy at each station, NaN if never there."""
         return read_launches(self.files, columns)
+
+    @property
+    def answer(self) -> str:
+        """How descents end and within which place, in a line."""
+        return summary.answer(self.shares, self.stops)
 
     @property
     def words(self) -> str:

@@ -21,11 +21,10 @@ from sledenv.simulation.lanes import check_room
 from sledenv.simulation.records import LIBRARY, LOSSES, STATUS_OF_CODE
 from sledenv.simulation.rules import checked_count
 from sledenv.uncertainty import summary
-from sledenv.uncertainty.descents import PASSING, descend_past
+from sledenv.uncertainty.descents import PASSING, descend_over, descend_past
 from sledenv.uncertainty.distributions import EDGE
 from sledenv.uncertainty.figures import plot_envelopes, plot_sobol
 from sledenv.uncertainty.model import Study, StudyError, load_study
-from sledenv.uncertainty.passages import descend_over
 from sledenv.uncertainty.result import StudyResult, read_launches
 
 _NUMBER: Final = 40  # bytes that each number of the draws takes while they are made
@@ -86,7 +85,7 @@ def study(
     drawn = draws(one)
     one.check_bodies(one.values(drawn))
     files = _simulate(one, drawn, folder, out, run, progress)
-    tables = _tables(one, files, run, progress)
+    tables = _tables(one, files)
     result = StudyResult(one, folder, len(drawn), files, **tables)
     for name, table in tables.items():
         with replacing(folder / f"{name}.parquet", ".parquet") as part:
@@ -184,7 +183,7 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     outcomes = found.outcomes
     columns: dict[str, Any] = dict(zip(one.parameters, values.T, strict=True))
     statuses, codes, stops = [str(status) for status in STATUS_OF_CODE], outcomes["status"].astype(int), outcomes["x"]
-    if found.left_backwards is not None:
+    if one.terrain is not None:
         codes = np.where(found.left_backwards, len(statuses), codes)
         stops = np.where(found.left_backwards, 0.0, stops)
         statuses.append(summary.LEFT_BACKWARDS)
@@ -197,7 +196,7 @@ def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
     return pd.DataFrame(columns)
 
 
-def _tables(one: Study, files: tuple[Path, ...], run: Runner, progress: bool) -> dict[str, pd.DataFrame]:
+def _tables(one: Study, files: tuple[Path, ...]) -> dict[str, pd.DataFrame]:
     """Make the tables of a study out of its blocks; the names are those of ``_TABLES``."""
     group = len(one.parameters) + 2
     ends = read_launches(files, ["status", *summary.OUTPUTS])
@@ -208,17 +207,10 @@ def _tables(one: Study, files: tuple[Path, ...], run: Runner, progress: bool) ->
         row = summary.envelope(x, ends, there, group, one.heights_m)
         elevation = {} if one.terrain is None else {"z_m": float(np.interp(x, *one.terrain.points.T))}
         envelopes.append({"x_m": x} | elevation | row)
-    calls: list[Call] = [
-        (summary.indices, (name, output, tuple(one.parameters), one.seed))
-        for name, output in summary.analysed(ends).items()
-    ]
-    order = {call[1][0]: i for i, call in enumerate(calls)}
-    bar = tqdm(run(calls), total=len(calls), desc="indices", unit=" outputs", disable=not progress)
-    found = sorted(bar, key=lambda table: order[table["output"].iloc[0]])
     return {
         "shares": summary.shares(ends["status"], group),
         "quantiles": summary.quantiles(ends),
         "stops": summary.stops(ends["stop_m"], group),
         "envelopes": pd.DataFrame(envelopes),
-        "sobol": pd.concat([summary.no_indices(), *found], ignore_index=True),
+        "sobol": summary.indices(summary.analysed(ends), list(one.parameters), one.seed),
     }

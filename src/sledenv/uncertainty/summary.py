@@ -1,9 +1,9 @@
-"""What many launches say: shares with their confidence, quantiles, envelopes along the slope and Sobol's indices."""
+"""Statistics of many launches: shares with their confidence, quantiles, envelopes along the slope, Sobol's indices."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 import pandas as pd
@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from SALib.analyze import sobol
 from scipy import stats
 
-from sledenv.machine.text_tables import aligned
 from sledenv.simulation.jam import DescentJam
 from sledenv.simulation.records import LOSSES, Status
 
@@ -25,6 +24,7 @@ ENDS: Final = (Status.FINISH, Status.JAMMED, Status.TUMBLED)  # every other stat
 LEFT_BACKWARDS: Final = "left_backwards"  # the status of who leaves a section of terrain behind its start
 # Outputs with Sobol indices, and whether each of ENDS.
 _ANALYSED: Final = ("stop_m", "time_s", "kinetic_j", "reward")
+_INDICES: Final = {"first": "S1", "first_conf": "S1_conf", "total": "ST", "total_conf": "ST_conf"}
 _SHOWN: Final = ("bounce_m", "speed_m_s", "kinetic_j")  # by place over a hillside
 _STOPS: Final = (0.05, 0.1, 0.25, 0.5, 0.75, 0.9, 0.95, 0.99)
 _MIDDLE: Final = (0.005, 0.995)
@@ -37,7 +37,7 @@ def interval(hits: NDArray[np.bool_], group: int) -> tuple[float, float, float]:
     Launches of a group of Saltelli's scheme share draws, so it is the means of groups that are independent. Sobol's
     sequence makes them vary less than at random, which the interval does not count on.
     """
-    share, worth = float(hits.mean()), _worth(hits, group)
+    share, worth = float(hits.mean()), _worth(hits, group)  # scipy's binomtest takes whole numbers of launches alone
     square = _SURE**2 / worth
     centre = (share + 0.5 * square) / (1.0 + square)
     width = _SURE * np.sqrt(share * (1.0 - share) / worth + 0.25 * square / worth) / (1.0 + square)
@@ -128,61 +128,50 @@ def analysed(ends: pd.DataFrame) -> dict[str, NDArray[np.float64]]:
     """
     outputs = {name: ends[name].to_numpy(np.float64) for name in _ANALYSED}
     outputs |= {str(one): (ends["status"] == one).to_numpy(np.float64) for one in (*ENDS, LEFT_BACKWARDS)}
-    middle = {name: np.quantile(output, _MIDDLE) for name, output in outputs.items()}
-    return {name: output for name, output in outputs.items() if middle[name][0] < middle[name][1]}
+    return {name: output for name, output in outputs.items() if np.less(*np.quantile(output, _MIDDLE))}
 
 
-def indices(name: str, output: NDArray[np.float64], parameters: tuple[str, ...], seed: int) -> pd.DataFrame:
-    """Return Sobol's indices of an output: SALib's estimates and its bootstrap."""
+def indices(outputs: dict[str, NDArray[np.float64]], parameters: Sequence[str], seed: int) -> pd.DataFrame:
+    """Return Sobol's indices of outputs: SALib's estimates and its bootstrap."""
     problem = {"num_vars": len(parameters), "names": list(parameters)}
-    found = sobol.analyze(problem, output, calc_second_order=False, seed=seed + 1)  # a seed of 0 is none for SALib
-    columns = {"first": "S1", "first_conf": "S1_conf", "total": "ST", "total_conf": "ST_conf"}
-    return pd.DataFrame({"output": name, "parameter": parameters} | {key: found[of] for key, of in columns.items()})
+    rows = []
+    for name, output in outputs.items():
+        found = sobol.analyze(problem, output, calc_second_order=False, seed=seed + 1)  # a seed of 0 is none for SALib
+        columns = (found[of].tolist() for of in _INDICES.values())
+        rows += [(name, *row) for row in zip(parameters, *columns, strict=True)]
+    kinds = {"output": "object", "parameter": "object"} | dict.fromkeys(_INDICES, "float64")
+    return pd.DataFrame(rows, columns=list(kinds)).astype(kinds)
 
 
-def no_indices() -> pd.DataFrame:
-    """Return a table of no indices, with its columns."""
-    columns: dict[str, Any] = {"output": "object", "parameter": "object"}
-    columns |= dict.fromkeys(("first", "first_conf", "total", "total_conf"), "float64")
-    return pd.DataFrame({name: pd.Series(dtype=kind) for name, kind in columns.items()})
+def answer(ends: pd.DataFrame, places: pd.DataFrame) -> str:
+    """Return the answer in a line: how descents end, and within which place."""
+    ways = [f"{100.0 * row.share:.3g} % {row.status}" for row in ends.itertuples() if row.share > 0.0]
+    half, most = (places.set_index("share")["x_m"][share] for share in (0.5, 0.95))
+    return f"{', '.join(ways)}; half end within {half:.4g} m, 95 % within {most:.4g} m"
 
 
 def words(
     ends: pd.DataFrame, outputs: pd.DataFrame, places: pd.DataFrame, along: pd.DataFrame, sensitivity: pd.DataFrame
 ) -> str:
     """Return tables for a reader, lines of at most 120 characters."""
-    ways = [(f"  {row.status}", f"{row.share:.4f}", f"[{row.low:.4f}, {row.high:.4f}]") for row in ends.itertuples()]
-    values = [(f"  {row[0]}", *(f"{value:.4g}" for value in row[1:])) for row in outputs.itertuples(index=False)]
-    lines = ["how descents end, with intervals of 95 %", *aligned(ways, ("<14", ">6", "<")), ""]
-    lines += [*aligned([("quantiles", "mean", *NAMES), *values], ("<22", ">10")), ""]
-    reached = [(f"  {row[0]:.0%}", *(f"{x:.4g}" for x in row[1:])) for row in places.itertuples(index=False)]
-    lines += [*aligned([("share that ends", "up to x_m", "low_m", "high_m"), *reached], ("<22", ">10")), ""]
+    tables = {
+        "how descents end, with intervals of 95 %": ends.set_index("status"),
+        "numbers that descents end with": outputs.set_index("output"),
+        "up to where shares of all bodies end, with intervals of 95 %": places.set_index("share"),
+    }
     if f"{_SHOWN[0]}_most" in along:
-        lines += [*_by_place(along), ""]
-    lines.append("Sobol indices, first order / total, +- half of the interval of 95 %")
-    for output, found in sensitivity.groupby("output", sort=False):
-        rows = [
-            (f"    {row.parameter}", _spread(row.first, row.first_conf), _spread(row.total, row.total_conf))
-            for row in found.sort_values("total", ascending=False).itertuples()
-        ]
-        lines += [f"  {output}", *aligned(rows, ("<34", ">15", ">16"))]
-    return "\n".join(lines)
+        tables["by place: the share that comes there, and how high, fast and energetic it passes"] = _by_place(along)
+    ranked = sensitivity.sort_values(["output", "total"], ascending=[True, False])
+    tables["Sobol indices, with half-widths of intervals of 95 %"] = ranked.set_index(["output", "parameter"])
+    return "\n\n".join(f"{head}\n{_text(table)}" for head, table in tables.items())
 
 
-def _by_place(along: pd.DataFrame) -> list[str]:
+def _text(table: pd.DataFrame) -> str:
+    return str(table.rename_axis([None] * table.index.nlevels).to_string(float_format="{:.4g}".format))
+
+
+def _by_place(along: pd.DataFrame) -> pd.DataFrame:
     """Return by place which share of launches comes there, and how high, fast and energetic those pass."""
-    shown = [f"{name}_{quantile}" for name in _SHOWN for quantile in ("q50", "q95", "most")]
-    rows = [
-        (
-            *(f"  {row['x_m']:g}", f"{row['z_m']:.5g}", f"{row['moving'] + row['finished']:.3f}"),
-            *(f"{row[name]:.4g}" for name in shown),
-        )
-        for row in along.to_dict("records")
-    ]
-    names = ["by place", "", "", *(name for each in _SHOWN for name in (each, "", ""))]
-    head = ["  x_m", "z_m", "comes", *("median", "95 %", "most") * len(_SHOWN)]
-    return aligned([names, head, *rows], ("<8", ">7", ">7", ">9"), " ")
-
-
-def _spread(index: float, half: float) -> str:
-    return f"{index:6.3f} +-{half:6.3f}"
+    names = {("", "z_m"): along["z_m"], ("", "comes"): along["moving"] + along["finished"]}
+    names |= {(name, which): along[f"{name}_{which}"] for name in _SHOWN for which in ("q50", "q95", "most")}
+    return pd.DataFrame(names).set_index(along["x_m"])
