@@ -182,22 +182,3 @@ def test_a_corner_that_touches_at_half_a_turn_rests_on_both_sides_of_it() -> Non
     half_width = math.asin(0.01 / (0.8 * 2.0 / 3.0))
     assert [first[1], last[0]] == pytest.approx([half_width - math.pi, math.pi - half_width])
     assert static_jam(body, law, Slope(0.0), [math.pi, -math.pi]).all()
-
-
-def test_rest_is_vectorised() -> None:
-    law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
-    phi = np.linspace(-3.0, 3.0, 6).reshape(2, 3)
-    assert static_jam(SLED, law, Slope(0.1), phi).shape == (2, 3)
-    assert steepest_jam(SLED, law, phi).shape == (2, 3)
-
-
-def test_wrong_arguments_are_named() -> None:
-    law = ContactLaw(1e6, 0.5, 0.4, 0.004)
-    with pytest.raises(ValueError, match=r"static_jam: phi\[1\] = nan: must be a finite number"):
-        static_jam(DISC, law, Slope(0.1), [0.0, math.nan])
-    with pytest.raises(TypeError, match="phi = 'upright': must be numbers"):
-        static_jam(DISC, law, Slope(0.1), "upright")
-    with pytest.raises(ValueError, match="gravity = 0"):
-        static_jam_angles(DISC, law, Slope(0.1, 1.0, 0.0))
-    with pytest.raises(TypeError, match="body = 3: must be a Body"):
-        steepest_jam(3, law, 0.1)  # type: ignore[arg-type]
