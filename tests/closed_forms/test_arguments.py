@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from sledenv.closed_forms import equilibrium, on_chord, painleve, swing
-from sledenv.closed_forms.wheel import collide_wheel, wheel_stuck_ratio
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.simulation.shapes import hull
 from tests.closed_forms.make import DISC, SLED, SQUARE
@@ -36,11 +36,9 @@ def wheel(**given: Any) -> Any:
         (wheel, {"friction": "ice"}, TypeError, "friction = 'ice': must be numbers, each in"),
         (wheel, {"friction": [0.1, 0.2], "u": [1, 2, 3]}, ValueError, "broadcast together: friction (2,), u (3,)"),
         (wheel, {"mass": 1e200, "v": [-1.0, -1e200]}, OverflowError, "too large for a number"),
-        (wheel_stuck_ratio, (1.5, 0.1, 0.01, 0.1), ValueError, "restitution = 1.5: must be in [0, 1]"),
         (equilibrium.static_jam, (DISC, LAW, SLOPE, [0.0, NAN]), ValueError, "phi[1] = nan: must be a finite number"),
         (equilibrium.static_jam, (DISC, LAW, SLOPE, "upright"), TypeError, "phi = 'upright': must be numbers"),
         (equilibrium.static_jam_angles, (DISC, LAW, WEIGHTLESS), ValueError, "gravity = 0.0: must be > 0"),
-        (equilibrium.steepest_jam, (3, LAW, 0.1), TypeError, "body = 3: must be a Body"),
         (painleve.painleve, (DISC, LAW, 0.0, NAN, 1.0), ValueError, "slip = nan"),
         (swing.small_swings, (DISC, WEIGHTLESS), ValueError, "gravity = 0.0: must be > 0"),
         (on_chord.chord_rests, (DISC, LAW, SLOPE), ValueError, "no chord to lie on: it has no straight side"),
@@ -60,8 +58,6 @@ def test_what_is_wrong_is_named(call: Callable[..., Any], given: Any, error: typ
 def test_arrays_are_broadcast() -> None:
     layers = np.ones((4, 1, 1))
     assert equilibrium.static_jam(SLED, LAW, SLOPE, PHI).shape == (2, 3)
-    assert equilibrium.steepest_jam(SLED, LAW, PHI).shape == (2, 3)
     assert painleve.painleve(SLED, LAW, PHI, layers, -1.0).shape == (4, 2, 3)
     assert on_chord.chord_loads(SLED, LAW, SLOPE, PHI)[0].shape == (2, 3)
     assert on_chord.chord_slide(LAW, SLOPE, PHI, layers)[1].shape == (4, 2, 3)
-    assert wheel_stuck_ratio([0.0, 1.0], 0.1, 0.02, 0.1) == pytest.approx([0.1, 0.2])

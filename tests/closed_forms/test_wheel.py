@@ -9,7 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from sledenv.closed_forms.wheel import collide_wheel, wheel_stuck_ratio
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.books import contact_mode
 from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
@@ -209,7 +209,7 @@ def test_exactly_one_rule_holds_on_every_border() -> None:
 def test_a_wheel_without_spin_is_stuck_iff_its_entry_is_steep_enough() -> None:
     """Oracle: the border |u|/|v| = (1 + e) min(f, delta/r), 1e-9 to both sides, whatever mass and inertia."""
     m, inertia, r, f, delta, e, _, v, _ = random_wheels(5000, seed=8, boundaries=False).T
-    ratio = wheel_stuck_ratio(e, f, delta, r)
+    ratio = (1.0 + e) * np.minimum(f, delta / r)
     for factor, stuck in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
         found = collide_wheel(m, inertia, r, f, delta, e, factor * ratio * v, v).scenario == "stuck"
         assert np.array_equal(found, np.where(ratio > 0.0, stuck, True))

@@ -7,9 +7,9 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.closed_forms.features import TURN, Floats, Sector, arms_at, resting, sectors
-from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import FINITE, checked_array, made
+from sledenv.closed_forms.features import TURN, Sector, arms_at, resting, sectors
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rules import FINITE, checked_array
 from sledenv.simulation.scene import ContactLaw, Slope
 
 _ROUNDING = 1e-14  # [rad] of the ends of two ranges that are one
@@ -87,37 +87,6 @@ def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[f
         else:
             merged.append((low, high))
     return merged
-
-
-def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
-    """Largest inclination [rad] of a slope on which the body rests at ``phi``: (6.1) solved for beta.
-
-    Parameters
-    ----------
-    body, law
-        As for :func:`static_jam`.
-    phi : array_like
-        Orientation [rad].
-
-    Returns
-    -------
-    ndarray
-        The shape of ``phi``; negative where only a slope that rises downhill of the body can hold it, NaN where none
-        can. The smallest inclination is ``-steepest_jam(body, law, -phi)``, and every one in between holds it too.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``phi`` is not finite.
-    """
-    body, law = made_body(body), made("law", ContactLaw, law)
-    a, b, arm = arms_at(body, law, checked_array("steepest_jam: phi", phi, FINITE))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (-arm - a) / b, (arm - a) / b
-    low = np.where(b == 0.0, np.where(np.abs(a) <= arm, -np.inf, np.inf), np.minimum(one, other))
-    high = np.where(b == 0.0, np.where(np.abs(a) <= arm, np.inf, -np.inf), np.maximum(one, other))
-    steepness = np.minimum(high, law.friction)
-    return np.where(steepness >= np.maximum(low, -law.friction), np.arctan(steepness), np.nan)
 
 
 def _balanced(sector: Sector, beta: float) -> list[tuple[float, float]]:

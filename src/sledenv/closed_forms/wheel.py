@@ -204,36 +204,3 @@ def _solve(given: Sequence[FloatArray]) -> tuple[Any, ...]:
     arm = np.divide(moment, impulse, out=np.zeros(impulse.shape), where=impulse > 0.0)
     v1 = np.where(v0 > 0.0, v0, e * np.abs(v0))
     return u1, v1, w1, tangential, impulse, np.clip(arm, -delta, delta), scenario.astype(object)
-
-
-def wheel_stuck_ratio(
-    restitution: npt.ArrayLike, friction: npt.ArrayLike, rolling_arm: npt.ArrayLike, radius: npt.ArrayLike
-) -> FloatArray:
-    """Largest ``|u0 / v0|`` [-] at which a wheel without spin gets stuck, ``(1 + e) min(f, delta/r)``.
-
-    Row 4 of Table 1, docs/physics.md, section 3: ``m u0 <= f P`` and ``m r u0 <= delta P`` with ``P = m |v0| (1 + e)``.
-
-    Parameters
-    ----------
-    restitution : array_like
-        e [-] in [0, 1].
-    friction : array_like
-        f [-], >= 0.
-    rolling_arm : array_like
-        delta [m], >= 0.
-    radius : array_like
-        r [m], > 0.
-
-    Returns
-    -------
-    ndarray
-        The arguments are broadcast.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument and the allowed range.
-    """
-    given = {"restitution": restitution, "friction": friction, "rolling_arm": rolling_arm, "radius": radius}
-    e, f, delta, r = _checked(given)
-    return np.asarray((1.0 + e) * np.minimum(f, delta / r))
