@@ -6,7 +6,6 @@ STAMP = $(VENV)/.installed
 CLIENTS ?= .venv-clients
 CLIENTS_STAMP = $(CLIENTS)/.installed
 CLIENTS_OF_ENVS = test_launch.py test_descent.py test_vector.py test_sb3.py # Gymnasium and stable-baselines3
-BENCH_STAMP = $(VENV)/.installed-bench
 DOCS_STAMP = $(VENV)/.installed-docs
 
 SCENARIOS = sled_rollers sled_kickers sled_terraces sled_long boulder_benches sled_snow sled_mat
@@ -15,7 +14,7 @@ TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents references bench bench-instructions clients docs reproduce wasm wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
+.PHONY: help install demo agents references clients docs reproduce wasm wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -77,16 +76,6 @@ test-nojit: $(STAMP) ## run kernel and compiler as plain Python and measure thei
 	NUMBA_DISABLE_JIT=1 $(BIN)/python -m pytest -q tests/kernel tests/compiler tests/reproduce/test_euler.py \
 		-m "not jit_only and not slow" --cov=src/sledenv/kernel --cov=src/sledenv/compiler \
 		--cov-report=term-missing
-
-$(BENCH_STAMP): $(STAMP)
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt -e '.[dev,bench]'
-	@touch $@
-
-bench: $(BENCH_STAMP) ## measure speed and write docs/performance.md (BENCH="peers env" chooses)
-	$(BIN)/python -m perf $(BENCH)
-
-bench-instructions: $(STAMP) ## count instructions a hop with valgrind (UPDATE=--update sets the baseline)
-	$(BIN)/python -m perf.instructions $(UPDATE)
 
 # RLlib fixes the version of gymnasium, Tianshou asks for older pandas and (by virtualenv) filelock: these clients have an
 # environment of their own in which the three are not pinned.

@@ -1,1 +1,1 @@
-"""Benchmarks of sledenv, one module a question, each with its peers in the same interleaved run."""
+"""Benchmarks of sledenv: ``python -m perf peers``, ``env`` and ``versus``."""

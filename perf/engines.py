@@ -5,8 +5,7 @@ its rebounds come at other times. It steps through the same simulated time as th
 velocities after its own rebounds. None has two stiffnesses; pymunk and Box2D 2 have no rolling resistance.
 
 ``python -m perf.engines`` repeats the search for the settings in ``TUNED``: the least mean error of the first
-five rebounds on a grid of stiffness and damping (MuJoCo) or of restitution (the others), the most favourable choice
-that a user who knew the answer could make.
+five rebounds on a grid of stiffness and damping (MuJoCo) or of restitution (the others).
 """
 
 from __future__ import annotations
@@ -26,14 +25,9 @@ _BOX2D_SCALE = 100.0  # lengths in centimetres: Box2D's slop and thresholds suit
 # Settings found by tune(), by engine and step [s]: (frequency [rad/s], damping ratio) or (restitution,).
 TUNED: dict[tuple[str, float], tuple[float, ...]] = {
     ("mujoco", 0.0001): (1323.9808, 0.22),
-    ("mujoco", 0.0005): (709.3062, 0.2),
     ("mujoco", 0.002): (584.3084, 0.22),
-    ("pymunk", 0.0001): (0.535,),
     ("pymunk", 0.001): (0.535,),
-    ("pymunk", 0.004): (0.53,),
-    ("box2d", 0.0001): (0.535,),
     ("box2d", 0.001): (0.535,),
-    ("box2d", 0.004): (0.545,),
 }
 
 

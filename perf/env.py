@@ -8,63 +8,24 @@ from __future__ import annotations
 import importlib.util
 import itertools
 import os
-import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
-from unittest import mock
 
 import gymnasium as gym
 import numpy as np
 from gymnasium.vector import AutoresetMode
 
 import sledenv
-from perf import show
-from perf.harness import ratio, spread, take_turns, timed
+from perf.harness import publish, spread, take_turns, timed
 
 ROUNDS = 9
 IDS = {"SledLaunch": "sledenv/SledLaunch-v0", "SledDescent": "sledenv/SledDescent-v0"}
-PEERS: dict[str, tuple[str, int, Callable[[Any], float]]] = {  # module needed, steps of a run, steps in 1 s of motion
-    "BipedalWalker-v3": ("Box2D", 64, lambda env: env.metadata["render_fps"]),
-    "highway-v0": ("highway_env", 8, lambda env: env.unwrapped.config["policy_frequency"]),
-}
+PEERS: dict[str, tuple[str, int]] = {"BipedalWalker-v3": ("Box2D", 64), "highway-v0": ("highway_env", 8)}
 LANES = (64, 1024)
-SINGLE = 64  # steps of a scalar environment in one run, lanes of a SyncVectorEnv
-MAKE, BARE = "gym.make", "bare simulator"
-_PART = 0.1  # CPU time [s] of a turn, at least
+SINGLE = 64  # steps of a scalar environment in one run
+MAKE = "gym.make"
 _BANK = 4096  # scenes that the bare simulator takes at random
 _WARM = 16  # steps before the first turn: then lanes are no longer all in the same flight
-_USUAL: dict[str, dict[str, Any]] = {"": {}, ", info=()": {"info": ()}}
-_LESS = {", info=(), no landings": {"info": (), "columns": ("context", "state", "ground")}}
-_OPTIONS = {"SledLaunch": _USUAL, "SledDescent": _USUAL | _LESS}
-
-
-def _parts(run: Callable[[], Any], lanes: int) -> Callable[[], Any]:
-    """Return what measures CPU times [s] a lane: of a step, and of its own hops or descents and first flights."""
-    from sledenv.simulation.simulator import Simulator
-
-    parts = dict.fromkeys(("step", "hop", "run", "wait"), 0.0)
-
-    def watched(name: str, call: Callable[..., Any]) -> Callable[..., None]:
-        def spend(*given: Any) -> None:
-            start = time.process_time()
-            call(*given)
-            parts[name] += time.process_time() - start
-
-        return spend
-
-    calls: Any = {name: watched(name, getattr(Simulator, name)) for name in ("hop", "run", "wait")}
-
-    def measure() -> Any:
-        parts.update(dict.fromkeys(parts, 0.0), steps=0)
-        with mock.patch.multiple(Simulator, **calls):
-            while parts["step"] < _PART:
-                watched("step", run)()
-                parts["steps"] += lanes
-        return np.array([parts["step"], parts["hop"] + parts["run"], parts["wait"]]) / parts["steps"]
-
-    for _ in range(_WARM):
-        run()
-    return measure
 
 
 def _bare(kind: str, lanes: int) -> Callable[[], None]:
@@ -92,20 +53,17 @@ def _bare(kind: str, lanes: int) -> Callable[[], None]:
     return hop
 
 
-def _scalar(env: Any, steps: int = SINGLE) -> Callable[[], float]:
-    """Return a run of random steps, which gives the seconds of motion in the sleds' episodes that have ended."""
+def scalar(env: Any, steps: int = SINGLE) -> Callable[[], None]:
+    """Return a run of random steps of one environment."""
     env.reset(seed=0)
     env.action_space.seed(0)
     actions = [env.action_space.sample() for _ in range(steps)]
 
-    def run() -> float:
-        motion = 0.0
+    def run() -> None:
         for action in actions:
-            _, _, terminated, truncated, info = env.step(action)
+            _, _, terminated, truncated, _ = env.step(action)
             if terminated or truncated:
-                motion += info["descent"]["time"] if "descent" in info else 0.0
                 env.reset()
-        return motion
 
     return run
 
@@ -124,61 +82,50 @@ def vector(kind: str, lanes: int, mode: str = "vector_entry_point", **given: Any
         env.reset(seed=0)
     shape = 16, lanes, env.action_space.shape[-1]
     actions = itertools.cycle(np.random.default_rng(0).uniform(-1.0, 1.0, shape).astype(np.float32))
+    for _ in range(_WARM):
+        env.step(next(actions))
     return lambda: env.step(next(actions))
 
 
-def _ways(kind: str, sizes: tuple[int, ...]) -> dict[str, Callable[[], Any]]:
-    """Return what measures the CPU time [s] of a step, by the name of the way to step."""
-    ways = {BARE: _parts(_bare(kind, 1), 1)}
-    for name, options in _OPTIONS[kind].items():
-        ways[MAKE + name] = timed(_scalar(gym.make(IDS[kind], **options)), SINGLE, _PART, cpu=True)
-    ways[f"SyncVectorEnv, {SINGLE} lanes"] = timed(vector(kind, SINGLE, "sync"), SINGLE, _PART, cpu=True)
+def ways(kind: str, sizes: tuple[int, ...] = LANES) -> dict[str, Callable[[], float]]:
+    """Return what measures the CPU time [s] per step, by the name of the way to step."""
+    found = {
+        "bare simulator": timed(_bare(kind, 1), 1),
+        MAKE: timed(scalar(gym.make(IDS[kind])), SINGLE),
+        f"{MAKE}, info=()": timed(scalar(gym.make(IDS[kind], info=())), SINGLE),
+        f"SyncVectorEnv, {sizes[0]} lanes": timed(vector(kind, sizes[0], "sync"), sizes[0]),
+    }
     for lanes in sizes:
-        ways[f"{BARE}, {lanes:,} lanes"] = _parts(_bare(kind, lanes), lanes)
-        for name, options in _OPTIONS[kind].items():
-            ways[f"native vector env, {lanes:,} lanes{name}"] = _parts(vector(kind, lanes, **options), lanes)
-        ways[f"SB3 adapter, {lanes:,} lanes"] = _parts(vector(kind, lanes, "sb3"), lanes)
-    return ways
+        found |= {
+            f"bare simulator, {lanes:,} lanes": timed(_bare(kind, lanes), lanes),
+            f"native vector env, {lanes:,} lanes": timed(vector(kind, lanes), lanes),
+            f"native vector env, {lanes:,} lanes, info=()": timed(vector(kind, lanes, info=()), lanes),
+            f"SB3 adapter, {lanes:,} lanes": timed(vector(kind, lanes, "sb3"), lanes),
+        }
+    return found
 
 
-def measure(rounds: int = ROUNDS, sizes: tuple[int, ...] = LANES, peers: Iterable[str] = PEERS) -> dict[str, Any]:
-    """Measure all environments in turn, on one thread."""
-    ways: dict[tuple[str, str], Callable[[], Any]] = {}
-    motion = {}  # [s] of a step
-    with mock.patch.dict(os.environ, NUMBA_NUM_THREADS="1"):
-        for env, key in IDS.items():
-            ways |= {(env, name): way for name, way in _ways(env, sizes).items()}
-            motion[env] = _scalar(gym.make(key, info=("descent",)), 16 * SINGLE)() / (16 * SINGLE)
-        for env in peers:
-            module, steps, rate = PEERS[env]
-            if importlib.util.find_spec(module) is None:
-                print(f"{env} is skipped: there is no {module}")
-                continue
-            made = gym.make(f"{module}:{env}")
-            ways[env, MAKE], motion[env] = timed(_scalar(made, steps), steps, _PART, cpu=True), 1.0 / rate(made)
-        times = take_turns(ways, rounds)
-    rows = []
-    for (env, name), found in times.items():
-        own = found if found.ndim == 1 else found[:, 1] + found[:, 2] if name.startswith(BARE) else found[:, 0]
-        row = {"env": env, "name": name, "us": spread(1e6 * own), "times_make": ratio(times[env, MAKE], own)}
-        if name == BARE or name.startswith(MAKE):
-            row["motion"] = spread(motion[env] / own)
-        if found.ndim > 1:
-            row |= {"beyond_us": spread(1e6 * (own - found[:, 1])), "first_us": spread(1e6 * found[:, 2])}
-        rows.append(row)
-    return {"rounds": rounds, "rows": rows}
+def rows(measures: dict[tuple[str, str], Callable[[], float]], rounds: int) -> list[dict[str, Any]]:
+    """Take the measurements in turn; ratios are taken within each round."""
+    times = take_turns(measures, rounds)
+    return [
+        {
+            "environment": env,
+            "how": how,
+            "µs per step": spread(1e6 * own),
+            "times gym.make": spread(times[env, MAKE] / own),
+        }
+        for (env, how), own in times.items()
+    ]
 
 
-def _shown(key: str) -> Callable[[Any], str]:
-    return lambda row: show.median(row[key]) if key in row else "-"
-
-
-COLUMNS: show.Columns = {
-    "environment": lambda row: row["env"],
-    "how": lambda row: row["name"],
-    "µs a step": _shown("us"),
-    "times gym.make": _shown("times_make"),
-    "s of motion a second": _shown("motion"),
-    "µs beyond the hop": _shown("beyond_us"),
-    "of these first flights": _shown("first_us"),
-}
+def measure() -> None:
+    """Measure steps of the environments, and show them in docs/performance.md."""
+    os.environ["NUMBA_NUM_THREADS"] = "1"
+    measures = {(env, how): way for env in IDS for how, way in ways(env).items()}
+    for env, (module, steps) in PEERS.items():
+        if importlib.util.find_spec(module) is None:
+            print(f"{env} is skipped: there is no {module}")
+        else:
+            measures[env, MAKE] = timed(scalar(gym.make(f"{module}:{env}"), steps), steps)
+    publish("env", rows(measures, ROUNDS))

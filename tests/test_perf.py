@@ -1,4 +1,4 @@
-"""Measurements of speed measure what they claim: fair turns, peers that solve the same problem, right tables."""
+"""Measurements of speed measure what they claim: fair turns, the error of an answer, ratios within a turn."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sledenv
-from perf import env, harness, reference, report, versus, workloads
+from perf import env, harness, reference, versus
+from perf.__main__ import app
 
 
-def test_every_measurement_has_one_turn_a_round_and_the_order_rotates() -> None:
+def test_every_measurement_has_one_turn_per_round_and_the_order_rotates() -> None:
     turns: list[str] = []
 
     def measure(name: str, values: list[float]) -> float:
@@ -28,150 +30,85 @@ def test_every_measurement_has_one_turn_a_round_and_the_order_rotates() -> None:
     assert {name: times.tolist() for name, times in found.items()} == values
 
 
-def test_a_timing_is_the_least_of_parts_for_a_unit_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A clock that runs put forward by 1 s, or by more: the first run, which compiles, and another one."""
-    durations = iter([9.0, 1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0])
+def test_a_timing_is_cpu_time_per_unit_of_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Oracle: a clock that each run puts forward by 1 s."""
     clock = [0.0]
-    monkeypatch.setattr(harness.time, "perf_counter", lambda: clock[0])
+    monkeypatch.setattr(harness.time, "process_time", lambda: clock[0])
 
     def run() -> None:
-        clock[0] += next(durations)
+        clock[0] += 1.0
 
-    measure = harness.timed(run, units=4.0, part=2.0, total=7.0)  # two runs a part
-    assert measure() == 0.25
-    assert list(durations) == []
+    assert harness.timed(run, units=4.0)() == 0.25
 
 
-def test_an_interrupted_save_leaves_the_old_result(monkeypatch: pytest.MonkeyPatch, tmp_path) -> None:
+def test_a_result_that_cannot_be_written_leaves_the_old_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(harness, "RESULTS", tmp_path)
-    harness.save("case", {"rows": [1]})
+    monkeypatch.setattr(harness, "DOCUMENT", tmp_path / "page.md")
+    (tmp_path / "page.md").write_text("<!-- case: begin -->\n<!-- case: end -->\n")
+    harness.publish("case", [{"how": "quick", "time": {"median": 1234.5}}])
     with pytest.raises(TypeError):
-        harness.save("case", {"rows": object()})
-    assert harness.load("case")["rows"] == [1]
-    assert harness.load("case")["stamp"]["versions"]["numba"] != "missing"
+        harness.publish("case", [{"how": object()}])
+    assert "| quick | 1,234 |" in (tmp_path / "page.md").read_text()
+    assert json.loads((tmp_path / "case.json").read_text())["stamp"]["versions"]["numba"]
 
 
 def test_the_error_of_the_exact_velocities_is_zero_and_a_missing_rebound_counts() -> None:
     assert reference.worst(reference.EXACT, 20) == 0.0
     assert reference.worst(reference.EXACT[:4], 5) == 1.0
-    off = reference.EXACT[:5] * (1.0 + 1e-3)
-    assert reference.worst(off, 5) == pytest.approx(1e-3)
+    assert reference.worst(reference.EXACT[:5] * (1.0 + 1e-3), 5) == pytest.approx(1e-3)
 
 
 def test_the_performance_page_shows_the_committed_results() -> None:
-    """Regenerate with ``python -m perf.report``."""
-    text = report.DOCUMENT.read_text()
-    assert report.render(text) == text
-    for name in report.NAMES:
-        assert f"<!-- {name}: begin -->" in text
-
-
-def test_results_name_machine_versions_commit_and_date() -> None:
-    for path in sorted(harness.RESULTS.glob("*.json")):
-        stamp = json.loads(path.read_text())["stamp"]
-        assert stamp.keys() >= {"date", "commit", "processor", "cores", "load", "python", "versions"}
+    """Oracle: the page, rendered anew from perf/results."""
+    text = harness.DOCUMENT.read_text()
+    assert harness.render(text) == text
+    assert all(f"<!-- {file.stem}: begin -->" in text for file in harness.RESULTS.glob("*.json"))
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("words", "message"),
     [
-        (["no-such-commit"], ["'no-such-commit'", "HEAD"]),
-        (["HEAD", "--only", "descent", "glide"], ["'glide'", *workloads.WORKLOADS]),
-        (["HEAD", "--rounds", "0"], ["0 is no number of rounds"]),
+        (["no-such-commit"], "no-such-commit"),
+        (["HEAD", "--only", "glide"], '"settling"'),
+        (["HEAD", "--rounds", "0"], "Must be > 0"),
     ],
 )
 def test_versus_refuses_what_it_does_not_know(
-    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
+    words: list[str], message: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    with pytest.raises(SystemExit):
-        versus.main(arguments)
-    message = capsys.readouterr().err.splitlines()[-1]
-    assert all(word in message for word in words)
+    with pytest.raises(SystemExit, match=r"[^0]"):
+        app(["versus", *words])
+    assert message in "".join(capfd.readouterr())
 
 
-def test_versus_leaves_out_what_takes_long_unless_asked(monkeypatch: pytest.MonkeyPatch) -> None:
-    asked = []
-    monkeypatch.setattr(versus, "measure", lambda commit, names, rounds: asked.append(list(names)) or [])
-    for arguments in (["HEAD"], ["HEAD", "--all"], ["HEAD", "--only", "cold", "env"]):
-        versus.main(arguments)
-    usual, everything, only = asked
-    assert everything == list(workloads.WORKLOADS) == [*usual, "cold"]
-    assert only == ["cold", "env"]
-
-
-@pytest.mark.slow
-def test_versus_installs_whole_trees(tmp_path: Path) -> None:
-    """Oracle: what the checkout has, in a commit and in the working tree."""
-    versus.unpack(versus.commit_of("HEAD"), tmp_path / "old")
-    versus.copy(tmp_path / "now")
-    for tree in (tmp_path / "old", tmp_path / "now"):
-        versus.install(tree)
-        package = tmp_path / f"{tree.name}-site" / "sledenv"
-        for folder in ("configs/scenarios", "agents/trained"):
-            assert {path.name for path in (package / folder).iterdir()} == {
-                path.name for path in (harness.ROOT / folder).iterdir()
-            }
-
-
-def test_a_worker_answers_by_units_and_seconds_or_says_what_is_wrong(tmp_path: Path) -> None:
-    """In a folder without a loop of its own, as an incomplete tree has it."""
-    environment = {
-        **os.environ,
-        "PYTHONPATH": os.pathsep.join([str(Path(sledenv.__file__).parents[1]), str(harness.ROOT)]),
-    }
-    orders = "prepare simulate\ntime simulate\nprepare descent\ntime descent\n"
-    command = [sys.executable, "-P", "-m", "perf.workloads"]
+def test_a_worker_answers_by_units_and_seconds_or_says_what_is_wrong() -> None:
+    path = os.pathsep.join([str(Path(sledenv.__file__).parents[1]), str(harness.ROOT)])
     done = subprocess.run(
-        command, input=orders, cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+        [sys.executable, "-P", "-m", "perf.workloads"],
+        input="simulate\n\nglide\n\n",
+        env=os.environ | {"PYTHONPATH": path},
+        capture_output=True,
+        text=True,
+        check=True,
     )
     units, seconds, *wrong = map(json.loads, done.stdout.splitlines())
     assert units == reference.FEW
     assert seconds > 0.0
-    assert [text.partition(":")[0] for text in wrong] == ["ModuleNotFoundError", "KeyError"]
+    assert wrong == ["KeyError: 'glide'", "nothing is prepared"]
 
 
 def test_versus_takes_ratios_within_a_round() -> None:
     """A moment in which the whole machine is three times slower leaves them as they are."""
-    rows = [{"name": "descent", "units": [320.0, 320.0], "rounds_s": [[2e-6, 1e-6], [6e-6, 3e-6], [2.2e-6, 1e-6]]}]
-    line = versus.report("0123456789", rows).splitlines()[2]
-    assert line == "| descent | 2.20 µs a hop | 1.00 µs a hop | 2.000 | 2.000 to 2.100 | 2.000 |"
-
-
-def test_versus_says_what_went_wrong() -> None:
-    rows = [
-        {"name": "env", "units": [1024.0, 1000.0], "rounds_s": [[2e-5, 2e-5]]},
-        {"name": "ppo", "rounds_s": [], "failed": "now: ImportError: gone"},
-    ]
-    lines = versus.report("0123456789", rows).splitlines()
-    assert lines[0].startswith("| workload | 0123456 | now |")
-    assert lines[-2:] == [
-        "env is not the same work: 1024 units in 0123456, 1000 now",
-        "ppo has failed: now: ImportError: gone",
-    ]
+    times = {"random": np.array([[2e-6, 1e-6], [6e-6, 3e-6], [2.2e-6, 1e-6]])}
+    line = versus.report("0123456", times).splitlines()[2]
+    assert line == "| random | 2.20 µs per rebound | 1.00 µs per rebound | 2.000 | 2.000 to 2.100 | 2.000 |"
 
 
 @pytest.mark.jit_only
-def test_the_descents_of_steps_are_those_of_the_environment() -> None:
-    """Oracle: the rewards of the steps."""
-    given, fields = workloads.descents_of_episodes()
-    batch = sledenv.simulate_batch(*given, **reference.settings(**fields))
-    assert batch.jam.reward.tolist() == workloads.episodes()()
-
-
-@pytest.mark.jit_only
-def test_all_ways_to_step_run_and_others_beside_them_where_they_are_installed(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    """Oracle: a ratio of a time to itself."""
-    monkeypatch.setattr(env, "_PART", 0.01)
-    monkeypatch.setattr(env, "PEERS", {"Absent-v0": ("no_such_module", 1, None)})
-    rows = env.measure(rounds=1, sizes=(2,), peers=["Absent-v0"])["rows"]
-    assert "Absent-v0 is skipped: there is no no_such_module" in capsys.readouterr().out
-    assert [row["env"] for row in rows] == ["SledLaunch"] * 8 + ["SledDescent"] * 10
-    assert [row["times_make"]["median"] for row in rows if row["name"] == env.MAKE] == [1.0, 1.0]
-    assert len([row for row in rows if "motion" in row]) == 3 + 4
-    for row in rows:
-        if "beyond_us" in row:
-            beyond, first = row["beyond_us"]["median"], row["first_us"]["median"]
-            assert (first > 0.0) == (row["env"] == "SledDescent")
-            assert beyond == pytest.approx(first) if row["name"].startswith(env.BARE) else beyond > first
+@pytest.mark.parametrize("kind", env.IDS)
+def test_all_ways_to_step_are_compared_with_gym_make(kind: str) -> None:
+    """Oracle: the ratio of a time to itself."""
+    rows = env.rows({(kind, how): way for how, way in env.ways(kind, sizes=(2,)).items()}, rounds=1)
+    assert len(rows) == 8
+    assert {row["how"]: row["times gym.make"]["median"] for row in rows}[env.MAKE] == 1.0
+    assert all(row["µs per step"]["median"] > 0.0 for row in rows)

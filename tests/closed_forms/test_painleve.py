@@ -11,7 +11,7 @@ from sledenv.closed_forms.painleve import painleve, painleve_threshold
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw
 from tests.bodies import rod
-from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SLED, WHEEL
+from tests.closed_forms.make import BODIES, OUTLINES, ROD, WHEEL
 
 
 @pytest.mark.parametrize("body", (BODIES | OUTLINES).values(), ids=BODIES | OUTLINES)
@@ -53,14 +53,3 @@ def test_the_region_is_mirror_symmetric(body: Body) -> None:
     law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
     phi = np.linspace(-3.1, 3.1, 997)
     assert painleve(body, law, phi, 1.0, -1.0) == pytest.approx(painleve(body, law, -phi, -1.0, 1.0))
-
-
-def test_the_region_is_vectorised() -> None:
-    law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
-    phi = np.linspace(-3.0, 3.0, 6).reshape(2, 3)
-    assert painleve(SLED, law, phi, np.ones((4, 1, 1)), -1.0).shape == (4, 2, 3)
-
-
-def test_a_velocity_that_is_no_number_is_named() -> None:
-    with pytest.raises(ValueError, match="slip = nan"):
-        painleve(DISC, ContactLaw(1e6, 0.5, 0.4, 0.004), 0.0, math.nan, 1.0)

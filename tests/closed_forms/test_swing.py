@@ -94,5 +94,3 @@ def test_what_does_not_swing() -> None:
         assert small_swings(SQUARE, Slope(0.0), sticks=sticks) == []
     assert small_swings(DISC, Slope(0.6)) == []  # r sin(beta) > h: it rolls down
     assert len(small_swings(DISC, Slope(0.6), sticks=False)) == 1
-    with pytest.raises(ValueError, match=r"Slope.gravity = 0.0: must be > 0"):
-        small_swings(DISC, Slope(0.0, gravity=0.0))

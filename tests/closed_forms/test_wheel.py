@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import doctest
 import math
 import random
 from fractions import Fraction
@@ -10,15 +9,11 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from sledenv.closed_forms import wheel
-from sledenv.closed_forms.wheel import BRANCHES, collide_wheel, is_stuck, wheel_stuck_ratio
+from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.books import contact_mode
 from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, impact
 from sledenv.kernel.records import PHASE, Mode
-from sledenv.simulation.rigid_impact import rigid_impact
-from sledenv.simulation.scene import ContactLaw, State
-from tests.closed_forms.make import WHEEL
 from tests.compiled import compiled
 
 MODE_NAMES = np.array(["", *(mode.name.lower().replace("_", "-") for mode in Mode)], dtype=object)
@@ -212,16 +207,12 @@ def test_exactly_one_rule_holds_on_every_border() -> None:
 
 
 def test_a_wheel_without_spin_is_stuck_iff_its_entry_is_steep_enough() -> None:
-    """Oracle: |u|/|v| <= (1 + e) min(f, delta/r), whatever the inertia."""
-    cases = random_wheels(5000, seed=8, boundaries=False)
-    m, inertia, r, f, delta, e, u, v, _ = cases.T
-    u *= np.where(np.arange(len(u)) % 2, 0.1, 1.0)  # more that stick
-    stuck = is_stuck(r, f, delta, e, u, v)
-    assert 0.1 < stuck.mean() < 0.9
-    assert np.array_equal(stuck, collide_wheel(m, inertia, r, f, delta, e, u, v).scenario == "stuck")
-    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.75 * 0.5, -1.0) is True  # on the border
-    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.376, -1.0) is False
-    assert is_stuck(0.5, 0.5, 0.125, 0.5, 0.0, 1.0) is False  # no impact
+    """Oracle: the border |u|/|v| = (1 + e) min(f, delta/r), 1e-9 to both sides, whatever mass and inertia."""
+    m, inertia, r, f, delta, e, _, v, _ = random_wheels(5000, seed=8, boundaries=False).T
+    ratio = (1.0 + e) * np.minimum(f, delta / r)
+    for factor, stuck in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
+        found = collide_wheel(m, inertia, r, f, delta, e, factor * ratio * v, v).scenario == "stuck"
+        assert np.array_equal(found, np.where(ratio > 0.0, stuck, True))
 
 
 # --- known values ----------------------------------------------------------------------------------------------------
@@ -264,8 +255,9 @@ def test_the_mirrored_entry_gives_the_mirrored_impact_bit_for_bit() -> None:
     cases = random_wheels(5000, seed=9, boundaries=True)
     mirrored = cases * np.array([1, 1, 1, 1, 1, 1, -1, 1, -1])
     one, other = collide_wheel(*cases.T), collide_wheel(*mirrored.T)
-    for name, sign in (("u", -1), ("omega", -1), ("tangential_impulse", -1), ("arm", -1), ("v", 1), ("branch", 1)):
+    for name, sign in (("u", -1), ("omega", -1), ("tangential_impulse", -1), ("arm", -1), ("v", 1)):
         assert np.array_equal(getattr(one, name), sign * getattr(other, name))
+    assert np.array_equal(one.scenario, other.scenario)
 
 
 @pytest.mark.parametrize("n", SIZES)
@@ -285,15 +277,11 @@ def test_energy_is_never_created_and_the_normal_loss_is_that_of_restitution(n: i
 
 
 def test_wheels_that_do_not_approach_are_left_alone() -> None:
+    """Oracle: the entry; at v = 0 there is an impact without impulse."""
     result = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, [1.0, 1.0], [0.2, 0.0], 3.0)
     assert result.scenario.tolist() == ["none", "slide-roll"]
-    assert result.rule[0] == "v > 0"
-    assert np.array_equal(result.u, [1.0, 1.0])
-    assert np.array_equal(result.v, [0.2, 0.0])
-    assert np.array_equal(result.omega, [3.0, 3.0])
-    assert np.array_equal(result.normal_impulse, [0.0, 0.0])
-    assert np.array_equal(result.tangential_impulse, [0.0, 0.0])
-    assert np.array_equal(result.arm, [0.0, 0.0])
+    rows = np.stack([result.u, result.v, result.omega, result.normal_impulse, result.tangential_impulse, result.arm])
+    assert rows.tolist() == [[1.0, 1.0], [0.2, 0.0], [3.0, 3.0], [0.0, 0.0], [0.0, 0.0], [0.0, 0.0]]
 
 
 # --- interface -------------------------------------------------------------------------------------------------------
@@ -303,82 +291,8 @@ def test_scalars_give_scalars_and_arrays_broadcast() -> None:
     one = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, -1.0)
     assert all(type(value) is float for value in (one.u, one.v, one.omega, one.tangential_impulse, one.arm))
     assert type(one.scenario) is str
-    assert type(one.rule) is str
     many = collide_wheel(1.0, 0.1, 0.5, np.array([[0.3], [0.6]]), 0.1, 0.5, np.array([1.0, 2.0, 3.0]), -1)
-    assert many.u.shape == many.scenario.shape == many.rule.shape == many.arm.shape == (2, 3)
+    assert many.u.shape == many.scenario.shape == many.arm.shape == (2, 3)
     assert (many.u[0, 0], many.omega[0, 0], many.scenario[0, 0]) == (one.u, one.omega, one.scenario)
     empty = collide_wheel(1.0, 0.1, 0.5, 0.3, 0.1, 0.5, np.empty(0), -1.0)
     assert empty.u.shape == empty.scenario.shape == (0,)
-
-
-def test_every_branch_occurs_and_has_a_rule_of_its_own() -> None:
-    cases = random_wheels(5000, seed=11, boundaries=True)
-    found = collide_wheel(*cases.T)
-    assert set(np.unique(found.branch)) == set(range(1, len(BRANCHES)))
-    rules = [rule for _, rule in BRANCHES]
-    assert len(set(rules)) == len(rules)
-    assert found.rule[0] == rules[found.branch[0]]
-
-
-@pytest.mark.parametrize(
-    ("name", "value", "message"),
-    [
-        ("mass", 0.0, r"mass = 0\.0: must be in \(0, inf\)"),
-        ("inertia", [0.1, -1.0], r"inertia\[1\] = -1\.0: must be in \(0, inf\)"),
-        ("radius", math.inf, r"radius = inf: must be in \(0, inf\)"),
-        ("friction", -0.1, r"friction = -0\.1: must be in \[0, inf\)"),
-        ("rolling_arm", math.nan, r"rolling_arm = nan: must be in \[0, inf\)"),
-        ("restitution", [[0.5, 1.1]], r"restitution\[0, 1\] = 1\.1: must be in \[0, 1\]"),
-        ("u", math.inf, "u = inf: must be a finite number"),
-        ("v", math.nan, "v = nan: must be a finite number"),
-        ("omega", -math.inf, "omega = -inf: must be a finite number"),
-    ],
-)
-def test_bad_numbers_are_named(name: str, value: object, message: str) -> None:
-    good = {"mass": 1.0, "inertia": 0.1, "radius": 0.5, "friction": 0.3, "rolling_arm": 0.1, "restitution": 0.5}
-    entry = {"u": 1.0, "v": -1.0, "omega": 0.0}
-    with pytest.raises(ValueError, match=message):
-        collide_wheel(**(good | entry | {name: value}))
-    if name not in ("mass", "inertia", "omega"):
-        arguments = {key: (good | entry | {name: value})[key] for key in (*list(good)[2:], "u", "v")}
-        with pytest.raises(ValueError, match=message):
-            is_stuck(**arguments)
-
-
-def test_bad_types_and_shapes_are_named() -> None:
-    with pytest.raises(TypeError, match="friction = 'ice': must be numbers, each in"):
-        collide_wheel(1.0, 0.1, 0.5, "ice", 0.1, 0.5, 1.0, -1.0)
-    with pytest.raises(ValueError, match=r"do not broadcast together: friction \(2,\), u \(3,\)"):
-        collide_wheel(1.0, 0.1, 0.5, [0.1, 0.2], 0.1, 0.5, [1.0, 2.0, 3.0], -1.0)
-
-
-def test_an_impact_that_no_number_holds_is_refused() -> None:
-    """Oracle: m |v| (1 + e), the normal impulse, is larger than the largest number."""
-    with pytest.raises(OverflowError, match="too large for a number"):
-        collide_wheel(1e200, 0.1, 0.5, 0.3, 0.1, 0.5, 1.0, [-1.0, -1e200])
-
-
-def test_the_stuck_ratio_is_where_a_wheel_gets_stuck() -> None:
-    """Oracle: the closed form of Table 1 and the exact impact in normal impulse, 1e-9 to both sides."""
-    rng = np.random.default_rng(7)
-    for _ in range(50):
-        e, f, arm, fall = rng.uniform(0.0, 1.0), rng.uniform(0.01, 1.0), rng.uniform(1e-4, 0.1), rng.uniform(0.1, 5.0)
-        ratio = float(wheel_stuck_ratio(e, f, arm, WHEEL.radius))
-        for factor, stuck in ((1.0 - 1e-9, True), (1.0 + 1e-9, False)):
-            u = factor * ratio * fall
-            wheel = collide_wheel(WHEEL.mass, WHEEL.inertia, WHEEL.radius, f, arm, e, u, -fall)
-            assert (wheel.scenario == "stuck") is stuck
-            impact = rigid_impact(WHEEL, ContactLaw(1e6, 0.0, f, arm), State(0.0, 0.1, 0.0, u, -fall), restitution=e)
-            assert (impact.mode == Mode.STUCK) is stuck
-
-
-def test_the_stuck_ratio_is_vectorised_and_names_wrong_arguments() -> None:
-    assert wheel_stuck_ratio([0.0, 1.0], 0.1, 0.02, 0.1) == pytest.approx([0.1, 0.2])
-    with pytest.raises(ValueError, match=r"restitution = 1\.5: must be in \[0, 1\]"):
-        wheel_stuck_ratio(1.5, 0.1, 0.01, 0.1)
-    with pytest.raises(ValueError, match=r"radius\[1\] = 0\.0"):
-        wheel_stuck_ratio(0.5, 0.1, 0.01, [0.1, 0.0])
-
-
-def test_the_example_of_the_docstring_is_true() -> None:
-    assert doctest.testmod(wheel).failed == 0

@@ -331,7 +331,7 @@ def test_reproduce_tells_where_it_is(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert main(["reproduce", "--json", "--out", str(tmp_path / "out")]) == 0
     out, err = capsys.readouterr()
     lines, found = err.splitlines(), json.loads(out)
-    steps = "Equation", "Figures 7", "Figures 11", "Table 1", "Modes", "Convergence", "Jamming", "A sled", "Table of"
+    steps = "Equation", "Figures 7", "Figures 11", "Table 1", "Modes", "Jamming", "Table of"
     assert len(lines) == len(steps)
     assert all(line.startswith(f"reproduce: {step}") for line, step in zip(lines, steps, strict=True))
     assert found["written"] == [str(tmp_path / "out" / "index.md")]

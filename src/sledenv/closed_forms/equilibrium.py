@@ -7,11 +7,12 @@ import math
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from sledenv.closed_forms.arguments import Floats, resting
-from sledenv.closed_forms.features import TURN, Sector, arms_at, sectors
-from sledenv.simulation.bodies import Body, made_body
-from sledenv.simulation.rules import FINITE, checked_array, made
+from sledenv.closed_forms.features import TURN, Sector, arms_at, resting, sectors
+from sledenv.simulation.bodies import Body
+from sledenv.simulation.rules import FINITE, checked_array
 from sledenv.simulation.scene import ContactLaw, Slope
+
+_ROUNDING = 1e-14  # [rad] of the ends of two ranges that are one
 
 
 def static_jam(body: Body, law: ContactLaw, slope: Slope, phi: ArrayLike) -> NDArray[np.bool_]:
@@ -81,58 +82,20 @@ def static_jam_angles(body: Body, law: ContactLaw, slope: Slope) -> list[tuple[f
                     found.append(clipped)
     merged: list[tuple[float, float]] = []
     for low, high in sorted(found):
-        if merged and low <= merged[-1][1]:
+        if merged and low <= merged[-1][1] + _ROUNDING:
             merged[-1] = merged[-1][0], max(high, merged[-1][1])
         else:
             merged.append((low, high))
     return merged
 
 
-def steepest_jam(body: Body, law: ContactLaw, phi: ArrayLike) -> Floats:
-    """Largest inclination [rad] of a slope on which the body rests at ``phi``: (6.1) solved for beta.
-
-    Parameters
-    ----------
-    body, law
-        As for :func:`static_jam`.
-    phi : array_like
-        Orientation [rad].
-
-    Returns
-    -------
-    ndarray
-        The shape of ``phi``; negative where only a slope that rises downhill of the body can hold it, NaN where none
-        can. The smallest inclination is ``-steepest_jam(body, law, -phi)``, and every one in between holds it too.
-
-    Raises
-    ------
-    TypeError, ValueError
-        If ``phi`` is not finite.
-    """
-    body, law = made_body(body), made("law", ContactLaw, law)
-    a, b, arm = arms_at(body, law, checked_array("steepest_jam: phi", phi, FINITE))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        one, other = (-arm - a) / b, (arm - a) / b
-    low = np.where(b == 0.0, np.where(np.abs(a) <= arm, -np.inf, np.inf), np.minimum(one, other))
-    high = np.where(b == 0.0, np.where(np.abs(a) <= arm, np.inf, -np.inf), np.maximum(one, other))
-    steepness = np.minimum(high, law.friction)
-    return np.where(steepness >= np.maximum(low, -law.friction), np.arctan(steepness), np.nan)
-
-
 def _balanced(sector: Sector, beta: float) -> list[tuple[float, float]]:
-    """Solve ``|h sin(phi + shift - beta) + r sin(beta)| <= delta cos(beta)`` for phi [rad], on one turn or so."""
-    offset = beta - sector.shift
+    """Solve ``|h sin(phi + shift - beta) + r sin(beta)| <= delta cos(beta)`` for phi [rad], on one turn."""
     middle, half_width = -sector.r * math.sin(beta), sector.arm * math.cos(beta)
     below, above = middle - half_width, middle + half_width
     if below > sector.h or above < -sector.h:
         return []
-    if below <= -sector.h and above >= sector.h:
-        return [(offset - math.pi, offset + math.pi)]
-    if above >= sector.h:
-        first = math.asin(below / sector.h)
-        return [(offset + first, offset + math.pi - first)]
-    last = math.asin(above / sector.h)
-    if below <= -sector.h:
-        return [(offset - math.pi - last, offset + last)]
-    first = math.asin(below / sector.h)
+    first = math.asin(below / sector.h) if below > -sector.h else -0.5 * math.pi
+    last = math.asin(above / sector.h) if above < sector.h else 0.5 * math.pi
+    offset = beta - sector.shift
     return [(offset + first, offset + last), (offset + math.pi - last, offset + math.pi - first)]

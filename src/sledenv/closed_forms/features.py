@@ -1,4 +1,4 @@
-"""Which arc of a body touches at an orientation, with its geometry and its rolling arm."""
+"""Arguments of closed forms, checked, and the arc of a body that touches at an orientation."""
 
 from __future__ import annotations
 
@@ -6,13 +6,34 @@ import math
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from sledenv.closed_forms.arguments import Floats
-from sledenv.simulation.bodies import Body
-from sledenv.simulation.scene import ContactLaw
+from sledenv.simulation.bodies import Body, made_body
+from sledenv.simulation.rules import Rule, made
+from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.simulation.support import lowest_arms, within_a_turn
 
+Floats = NDArray[np.float64]
+IS_NUMBER: Rule = (lambda v: ~np.isnan(v), "a number")
 TURN = 2.0 * math.pi
+
+
+def resting(body: Body, law: ContactLaw, slope: Slope) -> tuple[Body, ContactLaw, Slope]:
+    """Return what rests, how it touches and where, each checked."""
+    return made_body(body), made("law", ContactLaw, law), pressed(slope)
+
+
+def pressed(slope: Slope) -> Slope:
+    """Return a plane of one surface onto which gravity presses what lies there."""
+    slope = made("slope", Slope, slope)
+    for name in ("zones", "profile"):
+        if given := getattr(slope, name):
+            raise ValueError(
+                f"Slope.{name} has {len(given)} entries: must be empty, the closed form is of a plain slope"
+            )
+    if slope.gravity == 0.0:
+        raise ValueError("Slope.gravity = 0.0: must be > 0, nothing else holds a body at rest on the slope")
+    return slope
 
 
 class Sector(NamedTuple):

@@ -8,8 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.closed_forms.arguments import IS_NUMBER, Floats, pressed, resting
-from sledenv.closed_forms.features import rolling_arm
+from sledenv.closed_forms.features import IS_NUMBER, Floats, pressed, resting, rolling_arm
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import FINITE, NOT_NEGATIVE, checked_array, made
 from sledenv.simulation.scene import ContactLaw, Slope

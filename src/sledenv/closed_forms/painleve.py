@@ -2,20 +2,16 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from sledenv.closed_forms.arguments import IS_NUMBER, Floats
-from sledenv.closed_forms.features import Sector, arms_at, sectors
+from sledenv.closed_forms.features import IS_NUMBER, Floats, Sector, arms_at, sectors
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.rules import FINITE, checked_array, made
 from sledenv.simulation.scene import ContactLaw
 
-_GRID = 4001  # orientations from which the minima of the threshold are refined
-_GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
-_REFINEMENTS = 80  # 0.618^80 = 2e-17 of a cell of the grid
+_GRID = 4001  # orientations among which the least threshold is sought,
+_REFINEMENTS = 4  # and again between the neighbours of the best one
 
 
 def painleve(body: Body, law: ContactLaw, phi: ArrayLike, slip: ArrayLike, spin: ArrayLike) -> Floats:
@@ -73,22 +69,10 @@ def _threshold_in(body: Body, sector: Sector) -> float:
         b = np.abs(sector.r - sector.h * np.cos(theta))
         borne = gyration + a * (a - sector.arm)
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.where(borne < 0.0, 0.0, np.where(a * b > 0.0, borne / (a * b), np.inf))
+            return np.where(a * b > 0.0, borne / (a * b), np.copysign(np.inf, borne))
 
     theta = np.linspace(sector.low, sector.high, _GRID) + sector.shift
-    # Rolling resistance counts for most at |a| = delta/2; the grid need not contain that orientation.
-    if 0.5 * sector.arm <= sector.h > 0.0:
-        best = math.asin(0.5 * sector.arm / sector.h)
-        candidates = np.add.outer(math.pi * np.arange(-2, 3), [best, -best]).ravel()
-        theta = np.union1d(theta, candidates[(candidates >= theta[0]) & (candidates <= theta[-1])])
-    values = needed(theta)
-    padded = np.concatenate([[np.inf], values, [np.inf]])
-    lowest = np.flatnonzero((values <= padded[:-2]) & (values <= padded[2:]) & np.isfinite(values))
-    if lowest.size == 0:
-        return math.inf
-    left, right = theta[np.maximum(lowest - 1, 0)], theta[np.minimum(lowest + 1, len(theta) - 1)]
     for _ in range(_REFINEMENTS):
-        inner, outer = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
-        keep_left = needed(inner) <= needed(outer)
-        left, right = np.where(keep_left, left, inner), np.where(keep_left, outer, right)
-    return float(min(values.min(), needed(0.5 * (left + right)).min()))
+        least = int(np.argmin(needed(theta)))
+        theta = np.linspace(theta[max(least - 1, 0)], theta[min(least + 1, _GRID - 1)], _GRID)
+    return max(0.0, float(needed(theta).min()))

@@ -7,8 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from sledenv.closed_forms.arguments import pressed
-from sledenv.closed_forms.features import TURN
+from sledenv.closed_forms.features import TURN, pressed
 from sledenv.simulation.bodies import Body, made_body
 from sledenv.simulation.scene import Slope
 from sledenv.simulation.support import lowest_arms

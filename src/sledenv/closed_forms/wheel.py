@@ -29,6 +29,7 @@ As ``f_r < delta/r``, never both come back: once slip has, ``r f < delta`` stops
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -47,27 +48,6 @@ _ALLOWED: Final[dict[str, Rule]] = {
 FloatArray = npt.NDArray[np.float64]
 Values = float | FloatArray
 
-# Where an impact can end, and the rule of existence in the symbols above.
-NO_IMPACT, SLIDES, ROLLS, ROLLS_BACK, SLIDES_STOPPED, SLIDES_BACK, SPIN_BACK, SLIP_BACK, STUCK_AT_ONCE = range(9)
-STUCK_ROLLING, STUCK_SLIDING, STUCK_ROLLING_BACK, STUCK_SLIDING_BACK = range(9, 13)
-BRANCHES: Final = (
-    ("none", "v > 0"),
-    ("slide-roll", "P < p1 and P < p2"),
-    ("stop-roll", "p1 < p2 and p1 <= P, f >= f_r: slip stays zero, and omega keeps its sign"),
-    ("stop-roll", "p2 < p1 and p2 <= P, r f > delta: spin turned back, then slip stopped, and the wheel still rolls"),
-    ("slide", "p2 < p1 and p2 <= P, r f <= delta: spin stays zero, and u keeps the sign of the slip"),
-    ("slide", "p1 < p2 and p1 <= P, f < f_r: slip turned back, then spin stopped, and the wheel still slides"),
-    ("spin-reversal", "p2 < p1 and p2 <= P, r f > delta: spin turned back, and slip keeps its sign"),
-    ("slip-reversal", "p1 < p2 and p1 <= P, f < f_r: slip turned back, and spin keeps its sign"),
-    ("stuck", "p1 = p2 <= P: slip and spin stop together"),
-    ("stuck", "p1 < p2 and p1 <= P, f >= f_r: slip stopped, then rolling"),
-    ("stuck", "p2 < p1 and p2 <= P, r f <= delta: spin stopped, then sliding"),
-    ("stuck", "p2 < p1 and p2 <= P, r f > delta: spin turned back, slip stopped, then rolling"),
-    ("stuck", "p1 < p2 and p1 <= P, f < f_r: slip turned back, spin stopped, then sliding"),
-)
-_SCENARIOS: Final = np.array([scenario for scenario, _ in BRANCHES], dtype=object)
-_RULES: Final = np.array([rule for _, rule in BRANCHES], dtype=object)
-
 
 @dataclass(frozen=True)
 class WheelImpact:
@@ -85,8 +65,8 @@ class WheelImpact:
         d of Table 1 [m]: moment impulse of the rolling resistance over normal impulse, ``|d| <= delta``.
         Counter-clockwise is positive, as for a normal impulse that acts at d downhill of the contact point; positive
         throughout Table 1, where u0 > 0 and omega0 = 0. 0 without normal impulse.
-    branch : int or ndarray
-        Index into ``BRANCHES``.
+    scenario : str or ndarray of str
+        How the impact ended: in the words of ``sledenv.Mode``, or "none".
     """
 
     u: Values
@@ -95,20 +75,10 @@ class WheelImpact:
     tangential_impulse: Values
     normal_impulse: Values
     arm: Values
-    branch: int | npt.NDArray[np.intp]
-
-    @property
-    def scenario(self) -> Any:
-        """How the impact ended, str or array of str: in the words of ``sledenv.Mode``, or "none"."""
-        return _SCENARIOS[self.branch]
-
-    @property
-    def rule(self) -> Any:
-        """Rule of existence that held, str or array of str, in the symbols of :mod:`sledenv.closed_forms.wheel`."""
-        return _RULES[self.branch]
+    scenario: Any
 
 
-def _checked(**given: npt.ArrayLike) -> list[FloatArray]:
+def _checked(given: Mapping[str, npt.ArrayLike]) -> list[FloatArray]:
     """Return arguments as arrays of one shape, each checked by the rule of its name."""
     arrays = {name: checked_array(name, value, _ALLOWED[name]) for name, value in given.items()}
     try:
@@ -177,38 +147,19 @@ def collide_wheel(
     >>> impact.scenario, round(impact.u, 3), round(impact.omega, 3)
     ('slide-roll', 1.85, -2.7)
     """
-    m, inertia_, r, f, delta, e, u0, v0, w0 = _checked(
-        mass=mass,
-        inertia=inertia,
-        radius=radius,
-        friction=friction,
-        rolling_arm=rolling_arm,
-        restitution=restitution,
-        u=u,
-        v=v,
-        omega=omega,
-    )
-    with np.errstate(all="ignore"):  # of every input all branches are evaluated, and one is chosen
-        fields = _solve(m, inertia_, r, f, delta, e, u0, v0, w0)
-    if not all(np.isfinite(field).all() for field in fields):
+    given = dict(zip(_ALLOWED, (mass, inertia, radius, friction, rolling_arm, restitution, u, v, omega), strict=True))
+    with np.errstate(all="ignore"):  # of every input all scenarios are evaluated, and one is chosen
+        fields = _solve(_checked(given))
+    if not all(np.isfinite(field).all() for field in fields[:-1]):
         raise OverflowError("collide_wheel: velocities and impulses of this impact are too large for a number")
     if fields[0].ndim == 0:
         return WheelImpact(*(field.item() for field in fields))
     return WheelImpact(*fields)
 
 
-def _solve(
-    m: FloatArray,
-    inertia: FloatArray,
-    r: FloatArray,
-    f: FloatArray,
-    delta: FloatArray,
-    e: FloatArray,
-    u0: FloatArray,
-    v0: FloatArray,
-    w0: FloatArray,
-) -> tuple[Any, ...]:
-    """Fields of WheelImpact, as arrays, of checked arguments of one shape."""
+def _solve(given: Sequence[FloatArray]) -> tuple[Any, ...]:
+    """Return the fields of WheelImpact, as arrays, of checked arguments of one shape."""
+    m, inertia, r, f, delta, e, u0, v0, w0 = given
     about_contact = inertia + m * r * r  # I
     impulse = np.where(v0 > 0.0, 0.0, m * np.abs(v0) * (1.0 + e))
     slip = u0 + r * w0
@@ -222,146 +173,34 @@ def _solve(
     p1 = np.where((slip == 0.0) & grips, 0.0, p1)
     p2 = np.where((w0 == 0.0) & holds, 0.0, p2)
 
-    # Impulses of friction (F) and of rolling resistance (M) on each path, with the last phase that fixes them.
-    f_slides = -s * f * impulse
-    f_slip_back = s * f * (impulse - 2.0 * p1)
-    m_spins = -sigma * delta * impulse
-    m_spin_back = s * delta * (impulse - 2.0 * p2)
-    momentum = inertia * w0 - m * r * u0  # J omega - m r u, changed by M alone
-    w_rolls, w_rolls_back = (momentum + m_spins) / about_contact, (momentum + m_spin_back) / about_contact
-    w_slip_back = w0 + (r * f_slip_back + m_spins) / inertia
-    slip_spin_back = slip + f_slides / m + r * (r * f_slides + m_spin_back) / inertia
-    u_slides, u_slides_back = u0 + f_slides / m, u0 + f_slip_back / m
-
-    slip_first, spin_first = p1 < p2, p2 < p1
-    branch = np.select(
+    # Impulses of friction (F) and of rolling resistance (M), and the velocities that follow from them: while slip and
+    # spin go on, while the wheel rolls, and while it slides without spin.
+    slip_first, spin_first = (p1 < p2) & (p1 <= impulse), (p2 < p1) & (p2 <= impulse)
+    slip_back, spin_back = slip_first & ~grips, spin_first & ~holds
+    force = np.where(slip_back, s * f * (impulse - 2.0 * p1), -s * f * impulse)
+    moment = np.where(spin_back, s * delta * (impulse - 2.0 * p2), -sigma * delta * impulse)
+    turning = (r * force + moment) / inertia
+    w_free, slip_free = w0 + turning, slip + force / m + r * turning
+    w_rolls = (inertia * w0 - m * r * u0 + moment) / about_contact  # J omega - m r u is changed by M alone
+    u_slides = u0 + force / m
+    scenario = np.select(
         [
             v0 > 0.0,
             (impulse < p1) & (impulse < p2),
-            slip_first & grips & (sigma * w_rolls > 0.0),
-            slip_first & grips,
-            slip_first & (sigma * w_slip_back > 0.0),
-            slip_first & (s * u_slides_back < 0.0),
-            slip_first,
-            spin_first & holds & (s * u_slides > 0.0),
-            spin_first & holds,
-            spin_first & (s * slip_spin_back > 0.0),
-            spin_first & (s * w_rolls_back < 0.0),
-            spin_first,
+            slip_back & (sigma * w_free > 0.0),
+            spin_back & (s * slip_free > 0.0),
+            (spin_back & (s * w_rolls < 0.0)) | (slip_first & grips & (sigma * w_rolls > 0.0)),
+            (slip_back & (s * u_slides < 0.0)) | (spin_first & holds & (s * u_slides > 0.0)),
         ],
-        [
-            NO_IMPACT,
-            SLIDES,
-            ROLLS,
-            STUCK_ROLLING,
-            SLIP_BACK,
-            SLIDES_BACK,
-            STUCK_SLIDING_BACK,
-            SLIDES_STOPPED,
-            STUCK_SLIDING,
-            SPIN_BACK,
-            ROLLS_BACK,
-            STUCK_ROLLING_BACK,
-        ],
-        STUCK_AT_ONCE,
+        ["none", "slide-roll", "slip-reversal", "spin-reversal", "stop-roll", "slide"],
+        "stuck",
     )
-
-    none = branch == NO_IMPACT
-    back = (branch == SLIP_BACK) | (branch == SLIDES_BACK)
-    spin_back = (branch == SPIN_BACK) | (branch == ROLLS_BACK)
-    rolls = (branch == ROLLS) | (branch == ROLLS_BACK)
-    free = (branch == SLIDES) | (branch == SPIN_BACK) | (branch == SLIP_BACK)  # slips and spins
-    slides = free | (branch == SLIDES_STOPPED) | (branch == SLIDES_BACK)
-    force, moment = np.where(back, f_slip_back, f_slides), np.where(spin_back, m_spin_back, m_spins)
-    w1 = np.select(
-        [none, rolls, free], [w0, (momentum + moment) / about_contact, w0 + (r * force + moment) / inertia], 0.0
-    )
-    u1 = np.select([none, slides], [u0, u0 + force / m], 0.0 - r * w1)
-    tangential = np.select([none, slides], [0.0, force], m * (u1 - u0))
+    none, rolls, slides = scenario == "none", scenario == "stop-roll", scenario == "slide"
+    free = np.isin(scenario, ["slide-roll", "slip-reversal", "spin-reversal"])  # slips and spins
+    w1 = np.select([none, rolls, free], [w0, w_rolls, w_free], 0.0)
+    u1 = np.select([none, free | slides], [u0, u_slides], 0.0 - r * w1)
+    tangential = np.select([none, free | slides], [0.0, force], m * (u1 - u0))
     moment = np.select([none, rolls | free], [0.0, moment], -inertia * w0 - r * tangential)
     arm = np.divide(moment, impulse, out=np.zeros(impulse.shape), where=impulse > 0.0)
     v1 = np.where(v0 > 0.0, v0, e * np.abs(v0))
-    return u1, v1, w1, tangential, impulse, np.clip(arm, -delta, delta), branch
-
-
-def is_stuck(
-    radius: npt.ArrayLike,
-    friction: npt.ArrayLike,
-    rolling_arm: npt.ArrayLike,
-    restitution: npt.ArrayLike,
-    u: npt.ArrayLike,
-    v: npt.ArrayLike,
-) -> Any:
-    """Whether a wheel without spin is stuck by its impact: ``|u|/|v| <= (1 + e) min(f, delta/r)``.
-
-    Row 4 of Table 1 (docs/physics.md, section 3); neither mass nor inertia matters.
-
-    Parameters
-    ----------
-    radius : array_like
-        r [m], > 0.
-    friction : array_like
-        Coulomb coefficient f [-], >= 0.
-    rolling_arm : array_like
-        delta [m], >= 0.
-    restitution : array_like
-        e [-] in [0, 1].
-    u, v : array_like
-        Velocity of the centre at touch [m/s]; v > 0 is no impact.
-
-    Returns
-    -------
-    bool or ndarray of bool
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument, its value and the allowed range.
-    """
-    r, f, delta, e, u0, v0 = _checked(
-        radius=radius,
-        friction=friction,
-        rolling_arm=rolling_arm,
-        restitution=restitution,
-        u=u,
-        v=v,
-    )
-    stuck = (v0 <= 0.0) & (np.abs(u0) <= (1.0 + e) * np.abs(v0) * np.minimum(f, delta / r))
-    return bool(stuck) if stuck.ndim == 0 else stuck
-
-
-def wheel_stuck_ratio(
-    restitution: npt.ArrayLike, friction: npt.ArrayLike, rolling_arm: npt.ArrayLike, radius: npt.ArrayLike
-) -> FloatArray:
-    """Largest ``|u0 / v0|`` [-] at which a wheel without spin gets stuck, ``(1 + e) min(f, delta/r)``.
-
-    Row 4 of Table 1, docs/physics.md, section 3: ``m u0 <= f P`` and ``m r u0 <= delta P`` with ``P = m |v0| (1 + e)``.
-
-    Parameters
-    ----------
-    restitution : array_like
-        e [-] in [0, 1].
-    friction : array_like
-        f [-], >= 0.
-    rolling_arm : array_like
-        delta [m], >= 0.
-    radius : array_like
-        r [m], > 0.
-
-    Returns
-    -------
-    ndarray
-        The arguments are broadcast.
-
-    Raises
-    ------
-    TypeError, ValueError
-        Naming the argument and the allowed range.
-    """
-    e, f, delta, r = _checked(
-        restitution=restitution,
-        friction=friction,
-        rolling_arm=rolling_arm,
-        radius=radius,
-    )
-    return np.asarray((1.0 + e) * np.minimum(f, delta / r))
+    return u1, v1, w1, tangential, impulse, np.clip(arm, -delta, delta), scenario.astype(object)

@@ -2,50 +2,40 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Final
 
 from sledenv.machine.files import publish, write_csv
 from sledenv.machine.text_tables import markdown
 from sledenv.reproduce import cases
+from sledenv.reproduce.claims import CLAIMS, of_example, of_jamming, of_sled, of_table_1, of_wheel
 from sledenv.reproduce.euler import euler_descent
-from sledenv.reproduce.numbers import Row, example_rows, jam_rows, sled_rows, table_1_rows, wheel_rows
 
 __all__ = ["FILES", "euler_descent", "reproduce"]
 
 
-FILES: Final = (
-    "index.md",
-    "table.md",
-    "table.csv",
-    "fig_2.png",
-    "fig_4.png",
-    "fig_2_4.csv",
-    "fig_7_10.png",
-    "fig_7_10.csv",
-    "fig_11.png",
-    "fig_12_14.png",
-    "fig_12_14.csv",
-    "table_1.png",
-    "table_1.csv",
-    "mode_map.png",
-    "mode_map.csv",
-    "convergence.png",
-    "convergence.csv",
-    "jam_map.png",
-    "jam_map.csv",
-    "bumps.png",
-    "bumps.csv",
+# What is written: part of the paper, and the name of its figure and of its table.
+_PARTS: Final = (
+    ("Fig. 2, equation (1), a wheel", "fig_2.png", "fig_2_4.csv"),
+    ("Fig. 4, sliding stops", "fig_4.png", "fig_2_4.csv"),
+    ("Fig. 7-10, the worked example", "fig_7_10.png", "fig_7_10.csv"),
+    ("Fig. 11, the sled on an incline", "fig_11.png", ""),
+    ("Fig. 12-14, its velocities", "fig_12_14.png", "fig_12_14.csv"),
+    ("Table 1, the collision scenarios of a wheel", "table_1.png", "table_1.csv"),
+    ("the same question for the eccentric body", "mode_map.png", "mode_map.csv"),
+    ("jamming over orientation and spin", "jam_map.png", "jam_map.csv"),
+    ("every number", "table.md", "table.csv"),
 )
+FILES: Final = ("index.md", *sorted({file for _, *files in _PARTS for file in files if file}))
 
 
 def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], None] = print) -> Path:
     """Compute everything quantitative in the paper and write it into one folder.
 
     Figures 2, 4, 7-10 and 11-14, Table 1 as a map, the modes of an eccentric impact, the map of jamming that the paper
-    only announces, and a table that sets the paper's numbers against ours with the reason of each difference;
-    docs/physics.md, section 2, derives the corrections.
+    only announces, and a table of the paper's numbers and ours with the reason of each difference; docs/physics.md,
+    section 2, derives the corrections.
 
     Parameters
     ----------
@@ -83,41 +73,45 @@ def reproduce(folder: str | Path = "reproduction", *, progress: Callable[[str], 
         figures.write_table_1(new)
         progress("Modes of an eccentric impact as a map")
         figures.write_mode_map(new)
-        progress("Convergence to the rigid impact")
-        figures.write_convergence(new)
         progress("Jamming over orientation and spin at the launch as a map")
         maps = {name: cases.jam_map(friction) for name, friction in cases.JAM_FRICTIONS.items()}
         figures.write_jam_map(new, maps)
-        progress("A sled on the plane and over bumps")
-        figures.write_rides(new, cases.rides())
         progress("Table of numbers")
-        rows = [*wheel_rows(straight, oblique), *example_rows(example), *table_1_rows(), *sled_rows(sled)]
-        rows += jam_rows(maps)
-        _write_table(new, rows)
+        ours: dict[str, float | str] = {
+            **of_wheel(straight, oblique),
+            **of_example(example),
+            **of_table_1(),
+            **of_sled(sled),
+            **of_jamming(maps),
+        }
+        _write_table(new, ours)
         _write_index(new, example)
     return Path(folder)
 
 
-def _write_table(folder: Path, rows: list[Row]) -> None:
+def _write_table(folder: Path, ours: Mapping[str, float | str]) -> None:
     write_csv(
         folder / "table.csv",
         ("id", "where", "quantity", "unit", "paper", "ours", "why"),
-        ((row.id, row.where, row.quantity, row.unit, row.paper, row.ours, row.why) for row in rows),
+        ((*claim[:5], ours[claim.id], claim.why) for claim in CLAIMS),
     )
     cells = []
-    for row in rows:
-        ours = row.ours if isinstance(row.ours, str) else f"{row.ours:{row.form}}"
-        unit = "" if row.unit == "-" else f" {row.unit}"
-        paper = f"{row.paper}{unit}" if row.paper.lstrip("-")[:1].isdigit() else row.paper
-        cells.append((row.where, row.quantity, paper, f"{ours}{unit}", row.why))
+    for claim in CLAIMS:
+        unit = "" if claim.unit == "-" else f" {claim.unit}"
+        paper = f"{claim.paper}{unit}" if claim.paper.lstrip("-")[:1].isdigit() else claim.paper
+        cells.append((claim.where, claim.quantity, paper, f"{ours[claim.id]:{claim.form}}{unit}", claim.why))
     table = markdown(("where", "quantity", "paper", "ours", "why they differ"), cells)
     (folder / "table.md").write_text(f"# The paper's numbers and ours\n\n{table}", encoding="utf-8")
 
 
 def _write_index(folder: Path, example: cases.Example) -> None:
+    def link(file: str) -> str:
+        return f"[{file}]({file})" if file else ""
+
+    parts = markdown(("part of the paper", "figure", "data"), ((part, *map(link, files)) for part, *files in _PARTS))
     euler, printed = (f"{run.energy.kinetic:.2f} J" for run in (example.euler, example.printed))
     paper = f"{cases.PRINTED_ENERGIES[1]:g} J"
-    text = _INDEX.format(euler=euler, printed=printed, paper=paper, assumed=cases.SLED_ASSUMED)
+    text = _INDEX.format(parts=parts, euler=euler, printed=printed, paper=paper, assumed=cases.SLED_ASSUMED)
     (folder / "index.md").write_text(text, encoding="utf-8")
 
 
@@ -126,20 +120,7 @@ _INDEX = """# The paper, computed anew
 Source: *Analysis of oblique collision between parallel-plane moving constrained body and obstacle*. Written by
 `sledenv reproduce`; all numbers were computed by that run.
 
-| part of the paper | figure | data |
-|---|---|---|
-| Fig. 2, equation (1), a wheel | [fig_2.png](fig_2.png) | [fig_2_4.csv](fig_2_4.csv) |
-| Fig. 4, sliding stops | [fig_4.png](fig_4.png) | [fig_2_4.csv](fig_2_4.csv) |
-| Fig. 7-10, the worked example | [fig_7_10.png](fig_7_10.png) | [fig_7_10.csv](fig_7_10.csv) |
-| Fig. 11, the sled on an incline | [fig_11.png](fig_11.png) | |
-| Fig. 12-14, its velocities | [fig_12_14.png](fig_12_14.png) | [fig_12_14.csv](fig_12_14.csv) |
-| Table 1, the collision scenarios of a wheel | [table_1.png](table_1.png) | [table_1.csv](table_1.csv) |
-| the same question for the eccentric body | [mode_map.png](mode_map.png) | [mode_map.csv](mode_map.csv) |
-| the rigid limit of the contact model | [convergence.png](convergence.png) | [convergence.csv](convergence.csv) |
-| jamming over orientation and spin | [jam_map.png](jam_map.png) | [jam_map.csv](jam_map.csv) |
-| not in the paper: the sled over eight bumps | [bumps.png](bumps.png) | [bumps.csv](bumps.csv) |
-| every number | [table.md](table.md) | [table.csv](table.csv) |
-
+{parts}
 ## What is corrected, and why
 
 Sections are those of docs/physics.md, which derives each.

@@ -15,7 +15,6 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
-from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height, support_heights
 
 Floats = NDArray[np.float64]
@@ -30,6 +29,7 @@ EULER_STEP: Final = 2.5e-7  # [s]
 _SAMPLE_INTERVAL: Final = 5e-5  # [s]
 PRINTED_SPEED: Final = -1.0  # [m/s] V_y(0) as printed
 PRINTED_ENERGIES: Final = 50.0, 26.43  # [J] T(0), T(0.04 s) as printed
+SIGNS: Final[tuple[FrictionSign, FrictionSign]] = ("dissipative", "printed")
 NO_GRAVITY: Final = Slope(angle=0.0, gravity=0.0)
 
 # The sled: the paper gives its mass, friction and restitution, and leaves everything else open.
@@ -57,50 +57,8 @@ JAM_FRICTIONS: Final = {"the paper's ice": 0.03, "a rough slope, assumed": 0.3}
 JAM_SPINS: Final = (-8.0, 8.0, 160)  # [rad/s] from, to, cells
 JAM_ORIENTATIONS: Final = (-180.0, 180.0, 360)  # [deg] likewise
 
-# A sled with its rider on the plane, and the same launch on eight bumps, which the paper does not have.
-BUMPS: Final = 8
-BUMP_HEIGHT, BUMP_LENGTH, BUMP_EVERY, FIRST_BUMP = 0.35, 3.0, 6.0, 4.0  # [m]
-RIDE_LENGTH: Final = 56.0  # [m]
-RIDE_LAW: Final = ContactLaw.from_restitution(0.3, stiffness=1e7, friction=0.05, rolling_arm=0.002)
-RIDE_LAUNCH: Final = State(0.0, 0.4, 0.05, 6.0, 0.0, 0.0)
-
 # Friction, rolling arm [m] and restitution of the mode maps; the first are those of the worked example.
 MODE_LAWS: Final = ((0.1, 0.001, EXAMPLE_LAW.restitution), (0.3, 0.01, 0.5))
-
-# Asymmetry, friction, inertia [kg m^2], phi [rad], u, v [m/s] and omega [rad/s] of impacts followed to the rigid limit.
-CONVERGING: Final = {
-    "slides throughout": (0.5, 0.1, 7.5e-3, math.pi / 4, 0.0, -10.0, 0.0),
-    "slip stops": (0.5, 0.9, 7.5e-3, 0.3, 1.0, -3.0, 0.0),
-    "spin, then slip reverses": (0.5, 0.1, 7.5e-3, 0.6, 1.0, -4.0, 6.0),
-    "slip, then spin reverses": (0.3, 0.15, 2e-3, -0.9, 0.3, -5.0, -10.0),
-}
-
-
-def bumps() -> list[tuple[float, float]]:
-    """Vertices [m] of eight round bumps: a squared sine, cut into twelve pieces each."""
-    along = np.linspace(0.0, 1.0, 13)
-    return [
-        (FIRST_BUMP + bump * BUMP_EVERY + share * BUMP_LENGTH, BUMP_HEIGHT * math.sin(math.pi * share) ** 2)
-        for bump in range(BUMPS)
-        for share in along.tolist()
-    ]
-
-
-def rides() -> dict[str, Descent]:
-    """Return the sled with its rider on the plane and over the bumps."""
-    grounds = {"on the plane": (), f"over {BUMPS} bumps": bumps()}
-    return {
-        name: simulate(
-            sled(),
-            RIDE_LAW,
-            Slope(math.radians(9.0), RIDE_LENGTH, profile=profile),
-            RIDE_LAUNCH,
-            record="trajectory",
-            sample_interval=5e-3,
-        )
-        for name, profile in grounds.items()
-    }
-
 
 _SERIES = np.dtype([(name, "f8") for name in ("t", "normal", "tangential", "moment", "kinetic")])
 
@@ -198,22 +156,11 @@ def sled_descent() -> Descent:
 def printed_rules(
     speed_ratio: Floats, friction: Floats, restitution: Floats, arm: Floats, inertia: Floats
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
-    """Which rules of existence hold, as printed in Table 1 and as corrected, docs/physics.md, sections 2.4 and 3.
+    """Return which rules of existence hold, printed in Table 1 and corrected: docs/physics.md, sections 2.4 and 3.
 
-    Parameters
-    ----------
-    speed_ratio : ndarray
-        u0/v0 [-], >= 0.
-    friction, restitution : ndarray
-        f and R [-].
-    arm, inertia : ndarray
-        delta/r and J/(m r^2) [-].
-
-    Returns
-    -------
-    (printed, corrected) : ndarray of bool
-        Four rows, those of Table 1, of the broadcast shape. Velocities and impulses have the corrected signs in both:
-        with the printed ones friction would accelerate the wheel.
+    Given are u0/v0 >= 0, f, R, delta/r and J/(m r^2) [-]. Each of the two has four rows, those of Table 1, of the
+    broadcast shape. Velocities and impulses have the corrected signs in both: with the printed ones friction would
+    accelerate the wheel.
     """
     # In units of m, r and v0.
     u, f, delta, about = speed_ratio, friction, arm, inertia + 1.0

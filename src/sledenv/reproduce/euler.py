@@ -85,9 +85,9 @@ def euler_descent(
 ) -> Descent:
     """Simulate one descent by the paper's method: its equations (10)-(13) with gravity, docs/physics.md, section 2.
 
-    While both ends of a straight side are below the surface, each has a spring, friction and rolling resistance of its
-    own. Events lie on the grid of steps: errors are of first order, and a body at rest chatters. So it neither jams nor
-    settles on its chord. An interrupt (Ctrl-C) takes effect within a fraction of a second.
+    There is one contact point, the lowest of the body: one that lies on a straight side rattles from end to end. Events
+    lie on the grid of steps: errors are of first order, and a body at rest chatters. So it neither jams nor settles on
+    its chord. An interrupt (Ctrl-C) takes effect within a fraction of a second.
 
     Parameters
     ----------
@@ -203,17 +203,15 @@ def _follow(
     most: int,
 ) -> None:
     """Follow a descent for so many steps at most, to its end, or until there is no room for another row."""
-    dt, rows = given.step, trajectory.shape[0]
+    rows = trajectory.shape[0]
     for _ in range(most):
         if flight["samples"] == rows and rows > 0:
             return
-        lowest, other, arc, side = _look(body, given, ground, flight)
-        status, inside, both = _status(given, flight, lowest), lowest.gap < 0.0, other.gap < 0.0
+        arc, lowest = _lowest(body, given, ground, flight)
+        status, inside = _status(given, flight, lowest), lowest.gap < 0.0
         rebound = log[min(flight["rebounds"], given.max_rebounds - 1)]
         if inside and contact["touching"] == 0:
             _touch_down(body, flight, contact, lowest, arc, rebound)
-        if both:
-            rebound["feature"] = int(body["side"][side])
         if contact["touching"] != 0 and (not inside or status != RUNNING):
             _take_off(body, flight, contact, lowest, rebound)
             if status == RUNNING and flight["rebounds"] >= given.max_rebounds:
@@ -224,68 +222,34 @@ def _follow(
             flight["samples"] += 1
             _write_motion(flight, row)
             if inside:
-                lies = int(body["side"][side]) if both else 0
-                _write_forces(body, flight, lowest, other, arc, side, lies, row)
+                _write_forces(body, flight, lowest, arc, row)
         flight["status"] = status
         if status != RUNNING:
-            deep = min(lowest.gap, 0.0) ** 2 + min(other.gap, 0.0) ** 2
-            flight["stored"] = 0.5 * given.stiffness * (1.0 + given.asymmetry) * deep
+            flight["stored"] = 0.5 * given.stiffness * (1.0 + given.asymmetry) * min(lowest.gap, 0.0) ** 2
             return
         if inside:
             _add_up(given, flight, lowest, rebound)
-            _add_up(given, flight, other, rebound)
-        _move(body, given, flight, lowest, other)
-        flight["steps"] += 1
-        flight["t"] = flight["steps"] * dt
+        _move(body, given, flight, lowest)
 
 
 @_compiled
-def _look(body: np.void, given: _Given, ground: np.ndarray, flight: np.void) -> tuple[_Point, _Point, int, int]:
-    """Return the lowest point, the one across a straight side, the lowest arc, and the arc at which that side begins.
+def _lowest(body: np.void, given: _Given, ground: np.ndarray, flight: np.void) -> tuple[int, _Point]:
+    """Return the lowest arc and its lowest point, with the forces on it: numbers of equations are the paper's.
 
-    Where a straight side lies on either hand of the lowest arc, it is the one whose other end has the smaller gap; if
-    both go to the same arc, as those of a rod do, it is the one that lies flatter.
+    Where two arcs meet, the larger one is taken; of two equal ones the one at the larger angle, as in the mirror.
     """
     local = flight["phi"] - _TURN * np.rint(flight["phi"] / _TURN)
-    sine, cosine = math.sin(local), math.cos(local)
-    arc = _arc_at(body, local)
-    lowest = _point(body, given, ground, flight, arc, sine, cosine)
-    other, side = _Point(0.0, 0.0, math.inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0), arc
-    if lowest.gap < 0.0 and body["count"] > 1.0:
-        after, before = int(body["next"][arc]), int(body["previous"][arc])
-        if body["side"][arc] > 0.0:
-            other = _point(body, given, ground, flight, after, sine, cosine)
-        if body["side"][before] > 0.0:
-            behind = _point(body, given, ground, flight, before, sine, cosine)
-            flatter = local - body["low"][arc] < body["high"][arc] - local
-            if behind.gap < other.gap or (after == before and flatter):
-                other, side = behind, before
-    return lowest, other, arc, side
-
-
-@_compiled
-def _arc_at(body: np.void, local: float) -> int:
-    """Arc that is lowest at an orientation [rad] in [-pi, pi].
-
-    Where two are, the larger one is taken; of two equal ones the one at the larger angle, as in the mirror.
-    """
-    begin, r, last = body["begin"], body["r"], int(body["count"]) - 1
-    k = 0
-    while k < last and local > begin[k + 1]:
-        k += 1
-    after = k
+    begin, radius, last = body["begin"], body["r"], int(body["count"]) - 1
+    arc = 0
+    while arc < last and local > begin[arc + 1]:
+        arc += 1
+    after = arc
     while after < last and local == begin[after + 1]:
         after += 1
-    lower = r[k] > r[after] or (r[k] == r[after] and math.copysign(1.0, local) < 0.0)
-    return k if lower else after
-
-
-@_compiled
-def _point(
-    body: np.void, given: _Given, ground: np.ndarray, flight: np.void, arc: int, sine: float, cosine: float
-) -> _Point:
-    """Lowest point of an arc, and the forces on it: zero above the slope. Numbers of equations are the paper's."""
-    along, across, r, omega = body["along"][arc], body["across"][arc], body["r"][arc], flight["omega"]
+    if not (radius[arc] > radius[after] or (radius[arc] == radius[after] and math.copysign(1.0, local) < 0.0)):
+        arc = after
+    sine, cosine = math.sin(local), math.cos(local)
+    along, across, r, omega = body["along"][arc], body["across"][arc], radius[arc], flight["omega"]
     a, level = along * sine + across * cosine, along * cosine - across * sine
     b = r - level
     if r > body["size"] and level > 0.0:  # r and level are large and nearly equal
@@ -293,7 +257,7 @@ def _point(
         b = (r - h) + a * a / (h + level)
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
     if not gap < 0.0:
-        return _Point(a, b, gap, v_n, v_t, 0.0, 0.0, 0.0, 0.0)
+        return arc, _Point(a, b, gap, v_n, v_t, 0.0, 0.0, 0.0, 0.0)
     piece = ground.shape[0] - 1
     while piece > 0 and flight["x"] - a < ground[piece, 0]:
         piece -= 1
@@ -301,7 +265,7 @@ def _point(
     normal = -given.stiffness * (1.0 - given.asymmetry * np.sign(v_n)) * gap  # (13)
     bound = ground[piece, 1] * normal
     force, moment = -bound * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
-    return _Point(a, b, gap, v_n, v_t, normal, bound, force, moment)
+    return arc, _Point(a, b, gap, v_n, v_t, normal, bound, force, moment)
 
 
 @_compiled
@@ -316,17 +280,18 @@ def _status(given: _Given, flight: np.void, lowest: _Point) -> int:
 
 
 @_compiled
-def _move(body: np.void, given: _Given, flight: np.void, p: _Point, q: _Point) -> None:
-    """Move a body by one step of time, under the forces on two points."""
+def _move(body: np.void, given: _Given, flight: np.void, p: _Point) -> None:
+    """Move a body by one step of time, under the forces on its lowest point."""
     dt, mass = given.step, body["mass"]
-    normal, force = p.normal + q.normal, p.force + q.force
     flight["x"] += dt * flight["u"]
     flight["y"] += dt * flight["v"]
     flight["phi"] += dt * flight["omega"]
-    flight["u"] += dt * (force / mass + given.downhill)
-    flight["v"] += dt * (normal / mass - given.inward)
-    push, pull = p.a * p.normal + q.a * q.normal, p.b * p.force + q.b * q.force
-    flight["omega"] += dt * (-push + given.moment_sign * pull + (p.moment + q.moment)) / body["inertia"]  # (10)
+    flight["u"] += dt * (p.force / mass + given.downhill)
+    flight["v"] += dt * (p.normal / mass - given.inward)
+    turning = -p.a * p.normal + given.moment_sign * p.b * p.force + p.moment
+    flight["omega"] += dt * turning / body["inertia"]  # (10)
+    flight["steps"] += 1
+    flight["t"] = flight["steps"] * dt
 
 
 @_compiled
@@ -392,31 +357,13 @@ def _write_motion(flight: np.void, row: np.void) -> None:
 
 
 @_compiled
-def _write_forces(
-    body: np.void, flight: np.void, lowest: _Point, other: _Point, arc: int, begins: int, side: int, row: np.void
-) -> None:
-    """Fill the contact forces of a row; ``side`` is the part of a straight side whose ends both touch, or 0."""
-    row["normal"], row["tangential"] = lowest.normal + other.normal, lowest.force + other.force
-    row["rolling"] = lowest.moment + other.moment
-    row["feature"] = side if side > 0 else int(body["part"][arc])
-    row["slip"], row["spin"] = int(np.sign(lowest.v_t)), int(np.sign(flight["omega"]))
-    bound = lowest.bound + other.bound
-    row["slip_velocity"], row["friction_ratio"] = lowest.v_t, row["tangential"] / bound if bound > 0.0 else 0.0
-    _write_contacts(body, flight, lowest, other, arc, begins, row)
-
-
-@_compiled
-def _write_contacts(
-    body: np.void, flight: np.void, lowest: _Point, other: _Point, arc: int, begins: int, row: np.void
-) -> None:
-    """Fill where each point touches and what the slope does to it there."""
-    across = int(body["next"][arc]) if begins == arc else begins
-    count = 0
-    for point, of in ((lowest, arc), (other, across)):
-        if point.gap < 0.0:
-            contact = row["contacts"][count]
-            contact["x"], contact["normal_y"] = flight["x"] - point.a, 1.0
-            contact["normal"], contact["tangential"] = point.normal, point.force
-            contact["part"] = int(body["part"][of])
-            count += 1
-    row["touching"] = count
+def _write_forces(body: np.void, flight: np.void, point: _Point, arc: int, row: np.void) -> None:
+    """Fill the contact forces of a row, and where they act."""
+    row["normal"], row["tangential"], row["rolling"] = point.normal, point.force, point.moment
+    row["feature"] = int(body["part"][arc])
+    row["slip"], row["spin"] = int(np.sign(point.v_t)), int(np.sign(flight["omega"]))
+    row["slip_velocity"], row["friction_ratio"] = point.v_t, point.force / point.bound if point.bound > 0.0 else 0.0
+    contact = row["contacts"][0]
+    contact["x"], contact["normal_y"], contact["part"] = flight["x"] - point.a, 1.0, row["feature"]
+    contact["normal"], contact["tangential"] = point.normal, point.force
+    row["touching"] = 1

@@ -11,7 +11,6 @@ import numpy as np
 from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.machine.files import write_csv
 from sledenv.plot import (
-    plot_convergence,
     plot_impact_phases,
     plot_jam_map,
     plot_mode_map,
@@ -22,13 +21,10 @@ from sledenv.plot import (
     plot_worked_example,
 )
 from sledenv.reproduce import cases
-from sledenv.reproduce.euler import FrictionSign
 from sledenv.simulation.outcomes import Descent, DescentBatch
 from sledenv.simulation.records import Feature, Status
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import State
-from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import support_height
 from sledenv.simulation.words import mode_name
 
 _DPI = 150
@@ -37,7 +33,7 @@ _SLED_GIVEN = "Given in the paper: 100 kg, friction 0.03, restitution 0.5."
 
 def write_worked_example(folder: Path, example: cases.Example) -> None:
     """Fig. 7-10."""
-    signs: tuple[FrictionSign, ...] = ("dissipative", "dissipative", "printed")
+    signs = cases.SIGNS[0], *cases.SIGNS
     labels = (
         "event-driven, dissipative friction sign",
         f"Euler, Δt = {1e6 * cases.EULER_STEP:g} µs, the same sign",
@@ -82,9 +78,8 @@ def write_table_1(folder: Path) -> None:
     e, inertia, arm = cases.WHEEL_RESTITUTION, cases.WHEEL_INERTIA, cases.WHEEL_ARM
     scenario = collide_wheel(1.0, inertia, 1.0, f, arm, e, u, -1.0).scenario.astype(str)
     held, _ = cases.printed_rules(u, f, np.array(e), np.array(arm), np.array(inertia))
-    printed = np.empty(u.shape, dtype="U16")
-    for index in np.ndindex(u.shape):
-        printed[index] = " + ".join(str(row + 1) for row in range(4) if held[row][index])
+    rows = [" + ".join(str(row + 1) for row in np.flatnonzero(cell)) for cell in held.reshape(4, -1).T]
+    printed = np.array(rows).reshape(u.shape)
     note = (
         f"Uniform disc without spin: J = {cases.WHEEL_INERTIA:g} m r², R = {cases.WHEEL_RESTITUTION:g}, "
         f"rolling arm δ = {cases.WHEEL_ARM:g} r (assumed). Numbers are the rows of Table 1."
@@ -113,35 +108,8 @@ def write_mode_map(folder: Path) -> None:
         panels[f"f = {friction:g}, δ = {1e3 * arm:g} mm, e = {restitution:.3g}"] = modes
     note = "How one rigid impact ends: the body of the worked example, without spin at touch."
     plot_mode_map(np.radians(degrees), ratio, panels, note=note).savefig(folder / "mode_map.png", dpi=_DPI)
-    write_csv(
-        folder / "mode_map.csv",
-        ("friction", "rolling_arm_m", "restitution", "phi_deg", "speed_ratio", "mode"),
-        lines,
-    )
-
-
-def write_convergence(folder: Path) -> None:
-    """The compliant impact against the rigid one."""
-    stiffness = 10.0 ** np.arange(8, 13)
-    errors = {}
-    for name, (asymmetry, friction, inertia, phi, u, v, omega) in cases.CONVERGING.items():
-        body = cases.EXAMPLE_BODY.replace(inertia=inertia)
-        law = cases.EXAMPLE_LAW._replace(asymmetry=asymmetry, friction=friction)
-        launch = State(0.0, support_height(body, phi), phi, u, v, omega)
-        exact = rigid_impact(body, law, launch).state
-        error = []
-        for c in stiffness.tolist():
-            soft = simulate(body, law._replace(stiffness=c), cases.NO_GRAVITY, launch, max_rebounds=1).state
-            turning = body.radius * (soft.omega - exact.omega)
-            error.append(math.hypot(soft.u - exact.u, soft.v - exact.v, turning))
-        errors[name] = np.array(error)
-    note = "One impact of the two-stiffness contact against the exact rigid one, without gravity"
-    plot_convergence(stiffness, errors, note=note).savefig(folder / "convergence.png", dpi=_DPI)
-    write_csv(
-        folder / "convergence.csv",
-        ("stiffness_n_m", *(f"{name.replace(' ', '_').replace(',', '')}_m_s" for name in errors)),
-        zip(stiffness.tolist(), *(error.tolist() for error in errors.values()), strict=True),
-    )
+    columns = "friction", "rolling_arm_m", "restitution", "phi_deg", "speed_ratio", "mode"
+    write_csv(folder / "mode_map.csv", columns, lines)
 
 
 def write_wheel(folder: Path, straight: Descent, oblique: Mapping[str, Descent]) -> None:
@@ -157,20 +125,6 @@ def write_wheel(folder: Path, straight: Descent, oblique: Mapping[str, Descent])
             (run.launch.u, *row)
             for run in (straight, *oblique.values())
             for row in run.trajectory[["t", "normal", "tangential", "slip"]].tolist()
-        ),
-    )
-
-
-def write_rides(folder: Path, rides: Mapping[str, Descent]) -> None:
-    """A sled on the plane and over bumps."""
-    plot_strobe(list(rides.values()), labels=list(rides)).savefig(folder / "bumps.png", dpi=_DPI)
-    write_csv(
-        folder / "bumps.csv",
-        ("ground", "t_s", "x_m", "y_m", "phi_rad", "u_m_s", "v_m_s", "omega_rad_s", "normal_n", "contacts"),
-        (
-            (name, *row)
-            for name, ride in rides.items()
-            for row in ride.trajectory[["t", "x", "y", "phi", "u", "v", "omega", "normal", "touching"]].tolist()
         ),
     )
 
