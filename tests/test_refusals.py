@@ -171,7 +171,7 @@ def with_options(options: Any) -> Any:
         (lambda: lanes(seed=[0, True]), "seed[1] = True: must be an integer >= 0"),
         (lambda: lanes(seed=np.array(1.0)), "seed = array(1.): must be an integer >= 0, or a sequence of one a lane"),
         (lambda: make_vec_env(ID, 2, seed=True), "seed = True: must be an integer >= 0"),
-        (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array', 'rgb_array_list', 'ansi'"),
+        (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array'"),
         (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
         (
             lambda: made(noise=0),

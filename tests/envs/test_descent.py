@@ -130,7 +130,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
             x = env.episodes.lanes.flights["x"][0]
             assert jam["progress"] == pytest.approx(np.clip(x / length, 0.0, 1.0), abs=1e-12)
         if info["is_success"]:
-            outcome = env.episodes.viewers[0]._recorded()
+            outcome = env.episodes.viewers[0].descent()
             assert outcome.jam.retention == jam["retention"]
             drop = outcome.launch.y - body.record["lowest"][0]
             supplied = (
@@ -241,7 +241,7 @@ def test_every_decision_is_of_a_flight_that_is_long_enough():
 
 def test_a_descent_without_a_long_flight_ends_in_the_reset_and_its_first_step_pays_all():
     """Oracle: the descents of the same contexts in one go."""
-    env = SledDescent(ride_over_bumps(shortest_flight_s=1e3), render_mode="ansi")
+    env = SledDescent(ride_over_bumps(shortest_flight_s=1e3))
     for seed in range(3):
         _, info = env.reset(seed=seed)
         _, reward, terminated, truncated, last = env.step(np.ones(1, np.float32))
@@ -251,7 +251,6 @@ def test_a_descent_without_a_long_flight_ends_in_the_reset_and_its_first_step_pa
         assert reward == descent.jam.reward
         assert last["rebounds"]["t"] == descent.rebounds["t"].tolist()
         assert last["descent"]["energy"]["work"] == 0.0
-        assert STATUS_OF_CODE[last["descent"]["status"]] in env.render()
         with pytest.raises(ResetNeeded):
             env.step(np.ones(1, np.float32))
 
@@ -310,7 +309,7 @@ def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, dra
     assert all(env.observation_space.contains(step[0]) for step in steps)
     total, last = sum(step[1] for step in steps), steps[-1][4]
     assert total == pytest.approx(0.5 * last["jam"]["progress"] + 0.5 * np.sqrt(last["jam"]["retention"]), abs=1e-12)
-    shown = env.episodes.viewers[0]._recorded()
+    shown = env.episodes.viewers[0].descent()
     assert shown.energy._asdict() == last["descent"]["energy"]
     assert shown.rebounds["t"].tolist() == last["rebounds"]["t"]
 
@@ -397,12 +396,6 @@ def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
     with pytest.raises(ResetNeeded):
         env.step(np.zeros(1, np.float32))
     assert equal(env.reset(), twin.reset())
-
-
-@pytest.mark.parametrize("mode", [np.nan, 3, np.zeros(2), ["ansi"]], ids=str)
-def test_a_render_mode_that_is_no_word_is_named_before_gymnasium_takes_it_for_one(mode):
-    with pytest.raises(ValueError, match=r"render_mode = .*: must be one of 'human', 'rgb_array', 'rgb_array_list'"):
-        gym.make(DESCENT_ID, render_mode=mode)
 
 
 def test_the_spec_survives_json_and_a_second_registration_is_silent():

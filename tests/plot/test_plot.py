@@ -525,7 +525,7 @@ def test_a_missing_matplotlib_is_named(slides: Descent, monkeypatch: pytest.Monk
 
 
 def test_importing_the_package_needs_neither_matplotlib_nor_pygame() -> None:
-    program = "import sys; sys.modules.update(matplotlib=None, pygame=None); import sledenv.plot, sledenv.envs.render"
+    program = "import sys; sys.modules.update(matplotlib=None, pygame=None); import sledenv.plot, sledenv.envs.viewer"
     paths = [str(Path(sledenv.__file__).parents[1]), os.environ.get("PYTHONPATH", "")]
     environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
     subprocess.run([sys.executable, "-c", program], check=True, env=environment)

@@ -52,8 +52,8 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     control : str, optional
         What the agent chooses, such as "both", orientation and spin; the rest is a disturbance that it observes.
         docs/environments.md lists the words. What the scenario says by default.
-    render_mode : {"human", "rgb_array", "rgb_array_list", "ansi"}, optional
-        A window that plays the descent, one picture of it, the pictures of a film of it, or its table of rebounds.
+    render_mode : {"human", "rgb_array"}, optional
+        A window that plays the descent, or a picture of where it stands.
     solver : {"compliant", "rigid"}
         Which contact is simulated, as for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
@@ -145,16 +145,14 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         ends = step.terminated.item(), step.truncated.item()
         return episodes.seen[0].copy(), step.rewards.item(), *ends, only_lane(step.info)
 
-    def render(self) -> RenderFrame | list[RenderFrame] | None:
+    def render(self) -> RenderFrame | None:
         """Return what the render mode asks for.
 
         Returns
         -------
-        ndarray of uint8, shape (H, W, 3), list of them, str or None
-            "rgb_array": a picture of the launch, or a strobe picture of the descent so far. "rgb_array_list": the
-            pictures, ``metadata["render_fps"]`` a second, of all that has happened since the last call or the reset.
-            "ansi": the launch, and once there is one the descent so far, in words. "human": None, the window is drawn
-            by ``reset`` and ``step``.
+        ndarray of uint8, shape (H, W, 3), or None
+            "rgb_array": a picture of the launch, or of the end of the descent so far. "human": None, the window is
+            drawn by ``reset`` and ``step``.
         """
         self._check_begun("render")
         if self.render_mode is None:
@@ -162,8 +160,9 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         return self.episodes.viewers[0].render()
 
     def film(self) -> Iterator[NDArray[np.uint8]]:
-        """Draw what "rgb_array_list" would list, one picture after the other, so that none needs to be kept.
+        """Draw the film of all that has happened since the last call or the reset, one picture after the other.
 
+        There are ``metadata["render_fps"]`` of them per second of the descent, and no render mode is needed.
         :func:`sledenv.envs.film.write_film` makes a file of it.
 
         Raises

@@ -248,12 +248,12 @@ class Lane:
         observations, info = self.env.reset(seed=seeds, options=(options or {}) | {"reset_mask": mask})
         return observations[self.index], lane_infos(info, self.env.num_envs)[self.index]
 
-    def render(self) -> RenderFrame | list[RenderFrame] | None:
+    def render(self) -> RenderFrame | None:
         """Return what the render mode asks for of this lane."""
         return self._viewer.render() if self.env.render_mode else None
 
     def film(self) -> Iterator[NDArray[np.uint8]]:
-        """Draw what "rgb_array_list" would list of this lane."""
+        """Draw the film of all that has happened in this lane since the last call or the reset."""
         return self._viewer.film()
 
     def close(self) -> None:

@@ -213,7 +213,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
             return None
         if not self.episodes.begun:
             raise ResetNeeded("call reset before render")
-        frames: Any = tuple(viewer.render() for viewer in self.episodes.viewers)  # lists of pictures as well
+        frames: Any = tuple(viewer.render() for viewer in self.episodes.viewers)  # None each in a window
         return frames  # type: ignore[no-any-return]
 
     def close_extras(self, **kwargs: Any) -> None:

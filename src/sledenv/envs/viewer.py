@@ -1,4 +1,4 @@
-"""Pictures, films and words of the episode in one lane."""
+"""Pictures and films of the episode in one lane."""
 
 from __future__ import annotations
 
@@ -9,28 +9,15 @@ import numpy as np
 from gymnasium.core import RenderFrame
 from numpy.typing import NDArray
 
-from sledenv.envs.render import DescentRenderer
 from sledenv.envs.task import Task
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.rules import checked_choice
 from sledenv.simulation.scenes import Scenes
-from sledenv.simulation.words import setting, story
 
+RENDER_MODES: Final = ["human", "rgb_array"]
 _FPS: Final = 30
-
-
-class _RenderModes(list[str]):
-    """The words that there are. Gymnasium asks for a mode before an environment does: what is no word is named here."""
-
-    def __contains__(self, mode: Any) -> bool:
-        if mode is not None and not isinstance(mode, str):
-            checked_render_mode(mode)
-        return super().__contains__(mode)
-
-
-RENDER_MODES: Final = _RenderModes(["human", "rgb_array", "rgb_array_list", "ansi"])
 METADATA: Final[dict[str, Any]] = {"render_modes": RENDER_MODES, "render_fps": _FPS}
 
 
@@ -64,7 +51,7 @@ class Viewer:
         self._task = task
         self._mode = mode
         self._by_hops = by_hops
-        self._renderer: DescentRenderer | None = None
+        self._dismissed = False  # whether the user has closed the window
 
     def enter(self, scenes: Scenes, past: Past | None = None) -> None:
         """Turn to another episode, which begins in a scene, or goes on from a past."""
@@ -81,68 +68,73 @@ class Viewer:
         self._scenes, self.past = scenes, self.past._replace(launched=True, trims=trims)
         self._play()
 
-    def render(self) -> RenderFrame | list[RenderFrame] | None:
+    def render(self) -> RenderFrame | None:
         """Return what the render mode asks for, see :meth:`sledenv.envs.launch.SledLaunch.render`."""
-        launched = self.past.launched
-        match self._mode:
-            case "rgb_array":
-                return self._drawing().strobe(self._recorded()) if launched else self._launch_frame()
-            case "rgb_array_list":
-                return list(self.film())
-            case "ansi":
-                return story(self._recorded()) if launched else setting(*self._awaited())
-        return None
+        if self._mode != "rgb_array":
+            return None
+        from sledenv.envs.render import draw_frame  # which needs pygame
+
+        descent = self.descent()
+        return draw_frame(descent, descent.time if self.past.launched else 0.0)
 
     def film(self) -> Iterator[NDArray[np.uint8]]:
         """Draw what has happened since the last call: the launch, or the film of the descent."""
-        shown = self.past.shown
+        from sledenv.envs.render import draw_film, draw_frame
+
+        shown, descent = self.past.shown, self.descent()
         if self.past.launched:
-            descent = self._recorded()
             self.past = self.past._replace(shown=descent.time)
-            yield from self._drawing().film(descent, after=shown)
+            yield from draw_film(descent, after=shown, fps=_FPS)
         elif shown < 0.0:
             self.past = self.past._replace(shown=0.0)
-            yield self._launch_frame()
+            yield draw_frame(descent, 0.0)
 
-    def close(self) -> None:
-        """Close the window, if there is one."""
-        if self._renderer is not None:
-            self._renderer.close()
-            self._renderer = None
-
-    def _play(self) -> None:
-        if self._mode == "human":
-            self._drawing().play(self.film())
-
-    def _drawing(self) -> DescentRenderer:
-        body = self._task.body(self._scenes)
-        if self._renderer is None:
-            self._renderer = DescentRenderer(body, fps=_FPS)
-        elif self._renderer.body != body:
-            self._renderer.draw(body)
-        return self._renderer
-
-    def _launch_frame(self) -> NDArray[np.uint8]:
-        _, law, slope, launch = self._awaited()
-        return self._drawing().launch_frame(slope, launch, law.friction)
-
-    def _awaited(self) -> Any:
-        """Return body, law, slope and the launch of the context, which nobody has chosen yet."""
-        return self._task.scenario.given(self._task.context(self._scenes))
-
-    def _recorded(self) -> Descent:
+    def descent(self) -> Descent:
         """Return the descent so far with its trajectory."""
-        trims = self.past.trims
         if not self._by_hops:
             return self._task.descent(self._scenes, record="trajectory")
         if self._ride is None:
             self._ride = self._task.ride(self._scenes, record="trajectory")
             self._ride.await_flight()
-        for trim in trims[self._followed :]:
+        for trim in self.past.trims[self._followed :]:
             if self._ride.status != Status.RUNNING:  # no flight was worth a decision
                 break
             if self._task.scenario.rider is not None:
                 self._ride.trim(trim)
             self._ride.hop()
-        self._followed = len(trims)
+        self._followed = len(self.past.trims)
         return self._ride.descent()
+
+    def close(self) -> None:
+        """Close the window; what comes next opens a new one."""
+        if self._mode == "human":
+            import pygame
+
+            pygame.display.quit()
+        self._dismissed = False
+
+    def _play(self) -> None:
+        """Show the film in the window, until it ends or the user closes it: then nothing is shown until ``close``."""
+        if self._mode != "human":
+            return
+        for picture in self.film():
+            if self._dismissed:
+                return
+            self._show(picture)
+
+    def _show(self, picture: NDArray[np.uint8]) -> None:
+        """Show a picture, in its time, in the window of the process, which is opened if need be."""
+        import pygame
+
+        size = picture.shape[1::-1]
+        window = pygame.display.get_surface()
+        if window is None or window.get_size() != size:
+            pygame.display.init()
+            window = pygame.display.set_mode(size)
+            pygame.display.set_caption("sledenv")
+        window.blit(pygame.image.frombuffer(picture.tobytes(), size, "RGB"), (0, 0))
+        pygame.display.flip()
+        pygame.time.wait(1000 // _FPS)
+        if any(event.type == pygame.QUIT for event in pygame.event.get()):
+            pygame.display.quit()
+            self._dismissed = True
