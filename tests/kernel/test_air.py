@@ -15,10 +15,9 @@ from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import disc, polygon, rod
-from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 
 G = 9.81
@@ -58,8 +57,6 @@ def test_a_throw_upward_follows_the_tangent_and_turns_where_the_speed_is_zero():
     assert end.y - 1000.0 == EXACT(height - TERMINAL**2 / G * math.log(math.cosh(G * 2.0 / TERMINAL)), rel=1e-11)
 
 
-
-
 def test_a_slide_up_a_slope_follows_the_tangent_until_it_stops():
     """Oracle: u = U tan(arctan(u0 / U) - a t / U), with the deceleration a of gravity and friction and U^2 = a / k."""
     angle, friction, speed = 0.1, 0.3, 20.0
@@ -92,8 +89,6 @@ def test_an_oblique_flight_is_that_of_an_integrator(area):
     end = after(2.5, launch, body, slope).state
     assert [end.x, end.y, end.u, end.v] == EXACT(found.y[:, -1].tolist(), rel=1e-11)
     assert end.omega == 3.0
-
-
 
 
 def test_what_the_air_takes_is_told_along_the_way_and_in_the_ledger():
@@ -158,10 +153,6 @@ def test_hops_one_after_the_other_are_the_whole_descent():
         pass
     assert hops.descent().outcome == whole.outcome
     assert whole.energy.drag > 0.0
-
-
-
-
 
 
 def test_what_is_no_area_or_density_is_refused():
