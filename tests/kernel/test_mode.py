@@ -389,35 +389,3 @@ def test_locks_that_friction_makes_singular_do_not_hold() -> None:
 
 
 # --- mirror images ---------------------------------------------------------------------------------------------------
-
-
-def mirrored(scene: Scene) -> Scene:
-    """Image of a scene of the block on the roof, seen from behind."""
-    image = []
-    for kind, arc, piece in scene.features:
-        image.append((kind, 2 - arc if kind == SIDE_BEND else 3 - arc, piece if kind != ARC_PIECE else 3 - piece))
-    (x, y, phi), (u, v, omega), slope = scene.pose, scene.velocity, scene.slope
-    slope = slope._replace(downhill=-slope.downhill)
-    return scene._replace(slope=slope, pose=(-x, y, -phi), velocity=(-u, v, -omega), features=image)
-
-
-@given(scenes([0, 1, 2, 3, -1], least=0))
-def test_mirror_images_choose_mirrored_modes(scene: Scene) -> None:
-    """Oracle: the image of the mode: slips and spin have the other sign.
-
-    Of a body that lies level neither image comes first: shares that are not unique are then the same in both.
-    """
-    assume(abs(scene.pose[2]) > 1e-3)
-    spaces = [prepared(scene), prepared(mirrored(scene))]
-    rests = [choose(BLOCK, ROOF, one.slope, space) for one, space in zip((scene, mirrored(scene)), spaces, strict=True)]
-    assert rests[0] == rests[1]
-    one, two = (space["contacts"] for space in spaces)
-    for c in range(len(scene.features)):
-        assert one["at"][c]["gap_sign"] == two["at"][c]["gap_sign"]
-        assert one["at"][c]["slip_sign"] == -two["at"][c]["slip_sign"]
-        assert one["at"][c]["gap_still"] == two["at"][c]["gap_still"]
-        assert one["at"][c]["slip_still"] == two["at"][c]["slip_still"]
-    if any(spring.arm > 0.0 for spring in scene.springs):
-        assert one["spin_sign"] == -two["spin_sign"]
-    if spaces[0]["choice"]["zeros"] > 0:
-        same_acceleration(chosen(spaces[1]), chosen(spaces[0]) * [-1.0, 1.0, -1.0], 1.0)
