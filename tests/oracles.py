@@ -570,31 +570,6 @@ def support(body, phi: np.ndarray) -> np.ndarray:
     return np.where(np.abs(wrapped) <= body.half_angle, arc, corners)
 
 
-def scanned_touchdown(
-    body, gravity: float, y: float, phi: float, v: float, omega: float, horizon: float, samples: int = 20001
-) -> tuple[float, float]:
-    """First time at which the gap of a free flight turns negative, and the least gap seen up to then.
-
-    A dense scan, then bisection; inf and the least gap on (0, horizon] if it never does. The start is left out.
-    """
-
-    def gap(t: np.ndarray) -> np.ndarray:
-        return y + t * (v - 0.5 * gravity * t) - support(body, phi + omega * t)
-
-    times = np.linspace(0.0, horizon, samples)[1:]
-    gaps = gap(times)
-    negative = np.flatnonzero(gaps < 0.0)
-    if len(negative) == 0:
-        return math.inf, float(gaps.min())
-    first = negative[0]
-    low, high = (times[first - 1] if first > 0 else 0.0), times[first]
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        if gap(np.array(middle)) < 0.0:
-            high = middle
-        else:
-            low = middle
-    return float(high), float(gaps[:first].min(initial=math.inf))
 
 
 # --- the impact in the stiff limit -----------------------------------------------------------------------------------
