@@ -89,7 +89,7 @@ def struck(body: Segment, law: ContactLaw, phi: float, u: float, v: float, omega
 def test_the_reference_descent_is_that_of_extended_precision(tolerance: float, error: float) -> None:
     """Oracle: 20 rebounds in 50 digits from the same doubles, tests/data/reference_descent.json; 8e-14 is reached."""
     record = REFERENCE["reference"]
-    rebounds = record["rebounds_from_double_inputs"]
+    rebounds = record["rebounds"]
     assert len(rebounds) == 20
     assert max(errors(replay(record, rebounds, tolerance), rebounds)) < error
 
