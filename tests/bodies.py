@@ -10,6 +10,7 @@ import numpy as np
 from sledenv.simulation import bodies
 from sledenv.simulation.bodies import Body, Segment, least_eccentricity
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
@@ -41,6 +42,18 @@ def touching(body: Body, phi: float) -> tuple[int, float, float]:
     """Code of the part of a body that is lowest at an orientation [rad], and its arms [m]."""
     (arc,), ((a, b),) = lowest_arms(body.record, np.array([phi]))
     return int(body.record["part"][0, arc]), float(a), float(b)
+
+
+def arms(arc: Arc, phi: float) -> tuple[float, float]:
+    """(a, b) [m]: the lowest point of an arc lies at (-a, -b) from the mass centre, by plain sines."""
+    sine, cosine = math.sin(phi), math.cos(phi)
+    return arc.y * sine - arc.x * cosine, arc.radius - arc.y * cosine - arc.x * sine
+
+
+def lowest_arc(body: Body, phi: float) -> tuple[Arc, float, float]:
+    """The arc of an outline that is lowest at an orientation, and its arms [m]."""
+    arc = min(body.arcs, key=lambda arc: (phi - arc.begin) % (2.0 * math.pi))
+    return arc, *arms(arc, phi)
 
 
 def run(body: Body, law: ContactLaw, slope: Slope, launch: tuple[float, ...], **options: float) -> Descent:

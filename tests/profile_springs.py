@@ -1,4 +1,4 @@
-"""Rounded bodies on springs over a profile, by geometry alone: slow, obvious, an oracle.
+"""Bodies on springs over a profile, or over zones of a plane, by geometry alone: slow, obvious, an oracle.
 
 It remembers nothing of a contact. At each instant it lists which arc is in which piece of the ground or in which round
 dip, and which crest, sharp or round, is in which arc or under which side (docs/physics.md, section 12), presses each
@@ -24,14 +24,16 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from sledenv import Body, ContactLaw
+from sledenv import Body, ContactLaw, Slope, State
 
 CX, CY, R, MIDDLE, HALF, BEFORE, AFTER, SX, SY, DX, DY, LENGTH = range(12)  # of a row for an arc and the side behind it
 PX, PY, TX, TY = range(4)  # of a row for a piece
 QX, QY, RHO, FX, FY, HX, HY, FROMX, FROMY, UPTOX, UPTOY = range(11)  # of a bend: centre, tangents, begin and end
-CLOSING, OPENING, FRICTION, ARM, MASS, INERTIA, SIZE, GX, GY, LAYER = range(10)  # of the constants
+CLOSING, OPENING, MASS, INERTIA, SIZE, GX, GY, LAYER = range(8)  # of the constants
+BEGIN, END, FRICTION, ARM = range(4)  # of a zone; the first one is all of the ground, with what the law has
 WHICH, GAP, RATE, SLIP, NX, NY, LX, LY = range(8)  # of a pair that touches
 MOST = 32  # pairs
+LEVEL = [(0.0, 0.0), (1.0, 0.0)]
 HAIR = 1e-9  # [s] how closely a change of the list is found
 ORDER = 1e-11  # error of a step over the speed scale
 
@@ -69,7 +71,7 @@ class Passage(NamedTuple):
 
 
 def scene(body: Body, profile: list[tuple[float, float]], rounding: Sequence[float] = ()) -> Scene:
-    """Return the tables of a body without corners over a profile, whose vertices have radii [m], or none."""
+    """Return the tables of a body over a profile, whose vertices have radii [m], or none; a corner touches no crest."""
     count = len(body.arcs)
     arcs = np.zeros((count, 12))
     for k, arc in enumerate(body.arcs):
@@ -272,7 +274,16 @@ def sign(speed, layer):
 
 
 @njit(cache=True)
-def slope_of(arcs, pieces, reach, crests, hollows, law, z, pairs, out):
+def zone_at(zones, x):
+    found = 0
+    for k in range(1, len(zones)):
+        if zones[k, BEGIN] <= x < zones[k, END]:
+            found = k
+    return zones[found]
+
+
+@njit(cache=True)
+def slope_of(arcs, pieces, reach, crests, hollows, zones, law, z, pairs, out):
     """Rates of (x, y, phi, u, v, omega); return how many pairs touch."""
     count = touching(arcs, pieces, reach, crests, hollows, z, law[SIZE], pairs)
     fx, fy, moment = law[MASS] * law[GX], law[MASS] * law[GY], 0.0
@@ -281,11 +292,12 @@ def slope_of(arcs, pieces, reach, crests, hollows, law, z, pairs, out):
         turn = sign(p[RATE], law[LAYER])
         stiffness = 0.5 * (law[CLOSING] + law[OPENING]) - 0.5 * (law[CLOSING] - law[OPENING]) * turn
         normal = -stiffness * p[GAP]
-        force = -law[FRICTION] * normal * sign(p[SLIP], law[LAYER])
+        zone = zone_at(zones, z[0] + p[LX])
+        force = -zone[FRICTION] * normal * sign(p[SLIP], law[LAYER])
         px, py = normal * p[NX] + force * p[NY], normal * p[NY] - force * p[NX]
         fx += px
         fy += py
-        moment += p[LX] * py - p[LY] * px - law[ARM] * normal * sign(z[5] * law[SIZE], law[LAYER])
+        moment += p[LX] * py - p[LY] * px - zone[ARM] * normal * sign(z[5] * law[SIZE], law[LAYER])
     out[0], out[1], out[2] = z[3], z[4], z[5]
     out[3], out[4], out[5] = fx / law[MASS], fy / law[MASS], moment / law[INERTIA]
     return count
@@ -319,14 +331,14 @@ def held(pairs, count, which):
 
 
 @njit(cache=True)
-def integrate(arcs, pieces, reach, crests, hollows, law, z, contacts, max_time, steps, rows):
+def integrate(arcs, pieces, reach, crests, hollows, zones, law, z, contacts, max_time, steps, rows):
     """Follow a body until it has left the ground some times; return how many times, and the energy jumped."""
     rates, stage, after = np.zeros((7, 6)), np.zeros(6), np.zeros(6)
     pairs, now, trial = np.zeros((MOST, 8)), np.zeros((MOST, 8)), np.zeros((MOST, 8))
     frequency = math.sqrt(law[CLOSING] / law[MASS])
     longest = 0.1 / frequency
     t, step, found, jumped = 0.0, 1e-3 * longest, 0, 0.0
-    count = slope_of(arcs, pieces, reach, crests, hollows, law, z, now, rates[0])
+    count = slope_of(arcs, pieces, reach, crests, hollows, zones, law, z, now, rates[0])
     while t < max_time and found < contacts and steps > 0:
         steps -= 1
         for i in range(1, 7):
@@ -336,7 +348,7 @@ def integrate(arcs, pieces, reach, crests, hollows, law, z, contacts, max_time, 
                     total += A[i, k] * rates[k, q]
                 stage[q] = z[q] + step * total
             into = trial if i == 6 else pairs
-            reached = slope_of(arcs, pieces, reach, crests, hollows, law, stage, into, rates[i])
+            reached = slope_of(arcs, pieces, reach, crests, hollows, zones, law, stage, into, rates[i])
         after[:] = stage
         error = 0.0
         speed = max(abs(z[3]), abs(z[4]), law[SIZE] * abs(z[5]), math.sqrt(9.81 * law[SIZE]))
@@ -368,23 +380,21 @@ def integrate(arcs, pieces, reach, crests, hollows, law, z, contacts, max_time, 
 def follow(
     body: Body,
     law: ContactLaw,
-    gravity: tuple[float, float],
-    profile: list[tuple[float, float]],
-    launch: tuple[float, ...],
+    slope: Slope,
+    launch: State,
     *,
     contacts: int,
     max_time: float,
     layer: float,
     steps: int,
-    rounding: Sequence[float] = (),
 ) -> Passage:
-    """Follow a launch (x, y, phi, u, v, omega) until the body has left the ground ``contacts`` times."""
-    given = (law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry), law.friction)
-    constants = np.array([*given, law.rolling_arm, body.mass, body.inertia, body.size, *gravity, layer])
-    rows = np.zeros((contacts, 7))
-    found, jumped, done = integrate(
-        *scene(body, profile, rounding), constants, np.array(launch, float), contacts, max_time, steps, rows
-    )
+    """Follow a launch until the body has left the ground ``contacts`` times; one rolling arm holds for all arcs."""
+    zones = np.array([(-math.inf, math.inf, *law[2:4]), *(zone[:4] for zone in slope.zones)])
+    gravity = slope.gravity * math.sin(slope.angle), -slope.gravity * math.cos(slope.angle)
+    springs = law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry)
+    constants = np.array([*springs, body.mass, body.inertia, body.size, *gravity, layer])
+    rows, tables = np.zeros((contacts, 7)), scene(body, list(slope.profile) or LEVEL, slope.rounding)
+    found, jumped, done = integrate(*tables, zones, constants, np.array(launch, float), contacts, max_time, steps, rows)
     return Passage(rows[:found], jumped, done)
 
 

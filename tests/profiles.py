@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from itertools import count
 from typing import Any, Final, NamedTuple
 
 import numpy as np
@@ -128,25 +126,6 @@ def random_case(
     rates = rng.uniform([0.0, -3.0, -6.0], [10.0, 1.0, 6.0])
     launch = sledenv.State(0.0, height, phi, *rates.tolist())
     return Case(f"{kind}, {ground.__name__}, seed {seed}", BODIES[kind], law, slope, launch)
-
-
-def throws(seed: int, *, elastic: bool = False) -> Iterator[Case]:
-    """Launches of all bodies in turn, two thirds of them over bumps; without end."""
-    rng = np.random.default_rng(seed)
-    for number in count():
-        kind = list(BODIES)[number % len(BODIES)]
-        angle = rng.uniform(0.0, 0.25)
-        profile = bumps(rng) if number % 3 else []
-        restitution = 1.0 if elastic else rng.uniform(0.05, 0.9)
-        stiffness = 10.0 ** rng.uniform(6.0, 8.0)
-        friction, arm = (0.0, 0.0) if elastic else (rng.choice([0.0, 0.02, 0.3, 1.0]), rng.choice([0.0, 0.002, 0.02]))
-        rates = rng.uniform([1.1, -3.0, 0.0, -3.0, -6.0], [2.0, 3.0, 12.0, 1.0, 6.0]).tolist()
-        law = sledenv.ContactLaw.from_restitution(
-            restitution, stiffness=stiffness, friction=float(friction), rolling_arm=float(arm)
-        )
-        slope = sledenv.Slope(angle, LENGTH, profile=profile)
-        name = f"throw {number} of seed {seed}, {kind}"
-        yield Case(name, BODIES[kind], law, slope, sledenv.State(0.0, *rates))
 
 
 def gravity_of(slope: sledenv.Slope) -> tuple[float, float]:

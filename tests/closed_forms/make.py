@@ -7,8 +7,7 @@ import math
 from sledenv.simulation import shapes
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.shapes import circular_segment, hull, polygon
-from tests import outline_oracle
-from tests.bodies import rod
+from tests.bodies import lowest_arc, rod
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
 SLED = circular_segment(100.0, 0.5, math.radians(110.0))
@@ -37,7 +36,5 @@ OUTLINES = {
 
 def touching(body: Body, phi: float) -> tuple[float, float, bool]:
     """Arms a, b [m] of the arc that is lowest at an orientation, and whether it is a corner."""
-    arcs = tuple(outline_oracle.Arc(*arc[:4], bool(arc.corner)) for arc in body.arcs)
-    outline = outline_oracle.Outline(outline_oracle.Body(body.mass, body.inertia, arcs))
-    arc = arcs[outline.lowest_arc(phi)]
-    return *outline_oracle.arms(arc, phi), arc.corner
+    arc, a, b = lowest_arc(body, phi)
+    return a, b, bool(arc.corner)

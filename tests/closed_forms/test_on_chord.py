@@ -17,7 +17,7 @@ from sledenv.closed_forms.on_chord import (
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope
 from sledenv.simulation.shapes import polygon
-from tests import outline_oracle
+from tests.bodies import arms
 from tests.closed_forms.make import OUTLINES, SHELL, SLED
 
 Ends = list[tuple[float, float, bool]]  # arms a, b [m] of the two ends of a side that lies flat, and whether a corner
@@ -28,7 +28,7 @@ def ends_of(body: Body) -> dict[str, Ends]:
     found = {}
     for arc, after in zip(body.arcs, [*body.arcs[1:], body.arcs[0]], strict=True):
         if arc.side in body.parts:
-            found[arc.side] = [(*outline_oracle.arms(end, after.begin), bool(end.corner)) for end in (arc, after)]
+            found[arc.side] = [(*arms(end, after.begin), bool(end.corner)) for end in (arc, after)]
     return found
 
 

@@ -15,10 +15,9 @@ from sledenv.simulation.bodies import Body
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import disc, polygon, rod
-from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 
 G = 9.81
@@ -58,16 +57,6 @@ def test_a_throw_upward_follows_the_tangent_and_turns_where_the_speed_is_zero():
     assert end.y - 1000.0 == EXACT(height - TERMINAL**2 / G * math.log(math.cosh(G * 2.0 / TERMINAL)), rel=1e-11)
 
 
-def test_the_speed_of_a_long_fall_and_of_a_long_slide_is_the_terminal_one():
-    """Oracle: drag equals weight, or what of it friction leaves along a slope."""
-    assert after(400.0, State(0.0, 1e5, 0.0)).state.v == EXACT(-TERMINAL, rel=1e-12)
-    angle, friction, plate = 0.2, 0.05, rod(80.0, 1.0, 0.1).replace(drag_area=AREA)
-    law = ContactLaw(1e6, 0.5, friction, 0.0)
-    end = simulate(plate, law, Slope(angle), State(0.0, 0.05, 0.0, 5.0), Settings(max_time=900.0, solver="rigid")).state
-    left = G * (math.sin(angle) - friction * math.cos(angle))
-    assert end.u == EXACT(math.sqrt(left / (0.5 * 1.2 * AREA / 80.0)), rel=1e-12)
-
-
 def test_a_slide_up_a_slope_follows_the_tangent_until_it_stops():
     """Oracle: u = U tan(arctan(u0 / U) - a t / U), with the deceleration a of gravity and friction and U^2 = a / k."""
     angle, friction, speed = 0.1, 0.3, 20.0
@@ -102,22 +91,6 @@ def test_an_oblique_flight_is_that_of_an_integrator(area):
     assert end.omega == 3.0
 
 
-def test_an_error_falls_with_the_tolerance():
-    """Oracle: the closed form of a fall through a fluid, where drag is strong."""
-    body, slope = disc(0.05, 0.1).replace(drag_area=0.03), Slope(0.0, air_density=1000.0)
-    rate = 0.5 * 1000.0 * 0.03 / 0.05
-    speed, errors = 40.0, []
-    terminal = math.sqrt(G / rate)
-    for tolerance in (1e-6, 1e-9, 1e-12):
-        end = after(0.05, State(0.0, 100.0, 0.0, 0.0, -speed), body, slope, tolerance=tolerance).state
-        # Faster than the terminal speed: v = -V coth(g t / V + arcoth(v0 / V)).
-        right = terminal / math.tanh(G * 0.05 / terminal + math.atanh(terminal / speed))
-        errors.append(abs(end.v + right) / right)
-    assert errors[0] < 1e-5
-    assert errors[1] < 1e-8
-    assert errors[2] < 1e-11
-
-
 def test_what_the_air_takes_is_told_along_the_way_and_in_the_ledger():
     """Oracle: the integral of drag times speed along the rows; the books close."""
     body = sled().replace(drag_area=0.08)
@@ -147,36 +120,28 @@ BODIES = {
     st.sampled_from(sorted(BODIES)),
     st.floats(-4.0, 1.0),
     st.sampled_from([0.0, 1.2, 1000.0]),
-    st.sampled_from(["compliant", "rigid"]),
+    st.sampled_from(["compliant", "rigid", "profile"]),
     st.floats(0.0, 0.6),
     st.sampled_from([0.0, 0.02, 0.4]),
     st.floats(0.05, 1.0),
-    st.floats(4.0, 7.5),
-    st.booleans(),
     st.integers(0, 2**32 - 1),
 )
-def test_books_close_and_a_mirror_image_descends_alike(
-    name, area, density, solver, angle, friction, bounce, stiff, over_ground, seed
-):
-    """Oracle: the energy that is left; the same numbers with the other sign; hops that follow each other."""
+def test_books_close_and_no_air_takes_nothing(name, area, density, ground, angle, friction, bounce, seed):
+    """Oracle: conservation of energy; without air the bits of a body without drag area."""
     rng = np.random.default_rng(seed)
-    body = BODIES[name].replace(drag_area=10.0**area)
-    law = ContactLaw.from_restitution(bounce, stiffness=10.0**stiff, friction=friction, rolling_arm=1e-3)
+    law = ContactLaw.from_restitution(
+        bounce, stiffness=10.0 ** rng.uniform(4.0, 7.5), friction=friction, rolling_arm=1e-3
+    )
     vertices = np.column_stack([np.cumsum(rng.uniform(0.5, 2.0, 10)), rng.uniform(-0.2, 0.2, 10)])
-    over_ground = over_ground and solver == "compliant"
-    slope = Slope(angle, 30.0, profile=vertices if over_ground else (), rounding=0.5, air_density=density)
-    motion = rng.choice([0.0, 1.0]) * rng.normal(0.0, 8.0, 3)
-    launch = State(0.0, body.size + rng.uniform(0.0, 1.0), rng.uniform(-3.0, 3.0), *motion)
-    settings = Settings(max_time=20.0, solver=solver)
-    found = simulate(body, law, slope, launch, settings)
+    slope = Slope(angle, 30.0, profile=vertices if ground == "profile" else (), rounding=0.5, air_density=density)
+    launch = State(0.0, BODIES[name].size + rng.uniform(0.0, 1.0), rng.uniform(-3.0, 3.0), *rng.normal(0.0, 8.0, 3))
+    settings = Settings(max_time=20.0, solver="rigid" if ground == "rigid" else "compliant")
+    found = simulate(BODIES[name].replace(drag_area=10.0**area), law, slope, launch, settings)
     assert found.status not in ("step_budget", "non_finite")
     assert found.energy.drag >= 0.0
     assert abs(found.energy.residual) < 1e-9 * found.energy.turnover
     if density == 0.0:
-        without = simulate(BODIES[name], law, slope, launch, settings)
-        assert without.outcome == found.outcome
-    both = simulate_batch(body, law, slope, [launch, launch], settings).outcomes
-    assert both.tobytes() == np.array([found.outcome] * 2, both.dtype).tobytes()
+        assert simulate(BODIES[name], law, slope, launch, settings).outcome == found.outcome
 
 
 def test_hops_one_after_the_other_are_the_whole_descent():
@@ -188,22 +153,6 @@ def test_hops_one_after_the_other_are_the_whole_descent():
         pass
     assert hops.descent().outcome == whole.outcome
     assert whole.energy.drag > 0.0
-
-
-def test_a_derivative_by_the_drag_area_is_that_of_the_closed_form():
-    """Oracle: the derivative of the speed of a fall, V tanh(g t / V), by differences of the closed form."""
-    time = 4.0
-    found = sensitivity(
-        BALL, LAW, LEVEL, State(0.0, 500.0, 0.0), Settings(max_time=time), parameters=("drag_area", "air_density")
-    )
-
-    def speed(area: float) -> float:
-        terminal = math.sqrt(G / (0.5 * DENSITY * area / 2.0))
-        return -terminal * math.tanh(G * time / terminal)
-
-    right = (speed(AREA + 1e-5) - speed(AREA - 1e-5)) / 2e-5
-    assert found.of_end("v", "drag_area") == EXACT(right, rel=1e-7)
-    assert found.of_end("v", "air_density") == EXACT(right * AREA / DENSITY, rel=1e-7)
 
 
 def test_what_is_no_area_or_density_is_refused():

@@ -19,7 +19,6 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.rigid_impact import rigid_impact
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import DEFAULT
-from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import rod
@@ -37,8 +36,6 @@ RECORDED = {
 }
 PAPER = segment(1.0, 0.1, 0.05, 7.5e-3)  # the worked example, stiffness apart
 LEVEL = Slope(0.0, math.inf, 0.0)
-
-
 TIGHT = 1e-16  # a tolerance that leaves the rounding error
 exactly = partial(simulate, tolerance=TIGHT)
 
@@ -88,19 +85,12 @@ def struck(body: Segment, law: ContactLaw, phi: float, u: float, v: float, omega
     return descent.rebounds[0]
 
 
-def test_the_reference_descent_is_that_of_extended_precision() -> None:
+@pytest.mark.parametrize(("tolerance", "error"), [(TIGHT, 1e-12), (1e-13, 1e-11), (DEFAULT.tolerance, 1e-9)])
+def test_the_reference_descent_is_that_of_extended_precision(tolerance: float, error: float) -> None:
     """Oracle: 20 rebounds in 50 digits from the same doubles, tests/data/reference_descent.json; 8e-14 is reached."""
     record = REFERENCE["reference"]
-    rebounds = record["rebounds_from_double_inputs"]
+    rebounds = record["rebounds"]
     assert len(rebounds) == 20
-    assert max(errors(replay(record, rebounds), rebounds)) < 1e-12
-
-
-@pytest.mark.parametrize(("tolerance", "error"), [(DEFAULT.tolerance, 1e-9), (1e-13, 1e-11)])
-def test_the_tolerance_bounds_the_error_of_the_reference_descent(tolerance: float, error: float) -> None:
-    """Oracle: extended precision, after 20 rebounds."""
-    record = REFERENCE["reference"]
-    rebounds = record["rebounds_from_double_inputs"]
     assert max(errors(replay(record, rebounds, tolerance), rebounds)) < error
 
 
@@ -110,25 +100,6 @@ def test_bodies_at_the_limits_of_the_model_agree_with_extended_precision(case: d
     assert max(errors(replay(case, case["rebounds"]), case["rebounds"])) < min(
         1e-10, 1e-14 * max(10.0, float(case["sensitivity"]))
     )
-
-
-@pytest.mark.parametrize("restitution", [0.3, 0.9, 1.0])
-@pytest.mark.parametrize("nu", [30.0, 1e4])
-def test_a_vertical_bounce_loses_height_in_the_compression_too(restitution: float, nu: float) -> None:
-    """Oracle: v_out^2 = e^2 v^2 - 2 G x_max (1 - e^2), physics.md, section 5, by the energy of each half."""
-    mass, gravity, k_closing = 2.0, 9.81, 1e6
-    body = segment(mass, 0.1, 0.0, 0.01)
-    squared = restitution**2
-    asymmetry = (1.0 - squared) / (1.0 + squared)
-    law = ContactLaw(k_closing / (1.0 + asymmetry), asymmetry, 0.0, 0.0)
-    weight = mass * gravity / k_closing
-    speed = nu * gravity / math.sqrt(k_closing / mass)
-    deepest = weight * (1.0 + math.sqrt(1.0 + nu**2))
-    expected = squared * speed**2 - 2.0 * gravity * deepest * (1.0 - squared)
-    row = struck(body, law, 0.0, 0.0, -speed, 0.0, Slope(0.0, math.inf, gravity))
-    assert row["v_after"] == pytest.approx(math.sqrt(expected), rel=1e-12)
-    hysteresis = 0.5 * k_closing * (1.0 - squared) * deepest**2
-    assert row["loss_hysteresis"] == pytest.approx(hysteresis, rel=1e-12, abs=1e-18)
 
 
 @pytest.mark.parametrize("restitution", [0.2, 0.5, 0.8, 0.95])
@@ -143,29 +114,6 @@ def test_a_vertical_bounce_leaves_iff_it_is_fast_enough(restitution: float) -> N
     for factor, ending in ((1.0 + 1e-9, Status.LOG_FULL), (1.0 - 1e-9, Status.JAMMED)):
         state = State(0.0, 0.1, 0.0, 0.0, -threshold * factor * unit, 0.0)
         assert exactly(body, law, slope, state, max_rebounds=1).status == ending
-
-
-@pytest.mark.parametrize("restitution", [0.2, 0.5, 0.7])
-def test_a_slow_vertical_landing_rests_at_its_deepest_point(restitution: float) -> None:
-    """Oracle: e^2 (1 + sqrt(1 + nu^2)) <= 1: the spring that opens cannot lift the body from the depth x_max."""
-    mass, gravity, stiffness = 2.0, 9.81, 1e6
-    body = segment(mass, 0.1, 0.0, 0.01)
-    law = ContactLaw.from_restitution(restitution, stiffness=stiffness, friction=0.2, rolling_arm=0.0)
-    k_closing = stiffness * (1.0 + law.asymmetry)
-    unit = gravity / math.sqrt(k_closing / mass)
-    fastest = math.sqrt((restitution**-2 - 1.0) ** 2 - 1.0)
-    for nu in (0.0, 0.5 * fastest, 0.999 * fastest, 1.001 * fastest):
-        descent = exactly(body, law, Slope(0.0, math.inf, gravity), State(0.0, 0.1, 0.0, 0.0, -nu * unit, 0.0))
-        deepest = mass * gravity / k_closing * (1.0 + math.sqrt(1.0 + nu**2))
-        rests_there = restitution**2 * (1.0 + math.sqrt(1.0 + nu**2)) <= 1.0
-        assert descent.status == Status.JAMMED
-        assert (descent.state.y == pytest.approx(0.1 - deepest, abs=1e-15)) == rests_there
-        assert descent.energy.stored == pytest.approx(0.5 * k_closing * (0.1 - descent.state.y) ** 2, rel=1e-9)
-
-
-def slope_of_errors(errors: list[float], stiffnesses: np.ndarray) -> float:
-    """Exponent of the power law that the errors follow."""
-    return float(np.polyfit(np.log(stiffnesses), np.log(errors), 1)[0])
 
 
 STIFF = np.geomspace(1e6, 1e14, 9)
@@ -185,34 +133,8 @@ def test_the_worked_example_converges_to_its_rigid_limit_like_the_root_of_the_co
     rows = [struck(PAPER, ContactLaw(c, 0.5, friction, arm), math.pi / 4, 0.0, -10.0, 0.0) for c in STIFF]
     for field, exact in rigid.items():
         distances = [abs(row[field] - exact) for row in rows]
-        assert slope_of_errors(distances, STIFF) == pytest.approx(-0.5, abs=0.025)
+        assert np.polyfit(np.log(STIFF), np.log(distances), 1)[0] == pytest.approx(-0.5, abs=0.025)
         assert distances[-1] < 1e-5 * abs(exact)
-    kinetic = [
-        0.5 * (row["u_after"] ** 2 + row["v_after"] ** 2) + 0.5 * inertia * row["omega_after"] ** 2 for row in rows
-    ]
-    assert kinetic[-1] == pytest.approx(18.814409, abs=1e-4)
-    assert slope_of_errors([abs(t - 18.8144087) for t in kinetic[:5]], STIFF[:5]) == pytest.approx(-0.5, abs=0.025)
-
-
-@pytest.mark.parametrize("restitution", [0.4, 0.8, 1.0])
-@pytest.mark.parametrize("phi", [0.4, -1.2])
-def test_a_frictionless_rebound_converges_to_the_textbook_energy(restitution: float, phi: float) -> None:
-    """Oracle: the loss (1 - e^2) v_n^2/(2 W_nn), which a stiff contact approaches like c^-1/2."""
-    a = 0.05 * math.sin(phi)
-    v_n = -2.0 - a * 3.0
-    expected = (1.0 - restitution**2) * v_n**2 / (2.0 * (1.0 + a * a / 7.5e-3))
-    distances = []
-    for c in STIFF[::2]:
-        law = ContactLaw.from_restitution(restitution, stiffness=c, friction=0.0, rolling_arm=0.0)
-        row = struck(PAPER, law, phi, 0.7, -2.0, 3.0)
-        assert row["loss_sliding"] == row["loss_rolling"] == 0.0
-        assert row["u_after"] == pytest.approx(0.7, rel=1e-14)
-        distances.append(abs(row["loss_hysteresis"] - expected))
-    if restitution == 1.0:
-        assert max(distances) == 0.0
-    else:
-        assert slope_of_errors(distances, STIFF[::2]) == pytest.approx(-0.5, abs=0.025)
-        assert distances[-1] < 1e-5 * expected
 
 
 SPHERE = segment(1e-3, 2.5e-3, 0.0, 0.4e-3 * 2.5e-3**2)
@@ -319,23 +241,6 @@ def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: floa
     assert descent.state.x == pytest.approx(distance + settling, abs=1e-13)
 
 
-@pytest.mark.parametrize("angle", [0.05, 0.3])
-@pytest.mark.parametrize("arm", [0.0, 0.01])
-def test_a_wheel_rolls_down_at_the_textbook_acceleration(angle: float, arm: float) -> None:
-    """Oracle: (g sin beta - (delta/r) g cos beta)/(1 + J/(m r^2)), once the normal force has settled."""
-    mass, radius, inertia, gravity = 2.0, 0.5, 0.3, 9.81
-    law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.5, rolling_arm=arm)
-    wheel = segment(mass, radius, 0.0, inertia)
-    descent = exactly(wheel, law, Slope(angle), State(0.0, radius, 0.0), max_time=2.0, record="trajectory")
-    rows = descent.trajectory[descent.trajectory["t"] > 0.1]
-    expected = gravity * (math.sin(angle) - arm / radius * math.cos(angle)) / (1.0 + inertia / (mass * radius**2))
-    assert (rows["slip"][:-1] == 0).all()
-    growth = rows["u"] - rows["u"][0]
-    assert growth == pytest.approx(expected * (rows["t"] - rows["t"][0]), abs=1e-13)
-    assert rows["u"] == pytest.approx(-radius * rows["omega"], abs=1e-13)
-    assert rows["normal"][:-1] == pytest.approx(mass * gravity * math.cos(angle), rel=1e-12)
-
-
 margins = st.one_of(st.floats(0.1, 0.8), st.floats(1.25, 4.0))
 
 
@@ -365,19 +270,6 @@ def test_a_body_set_down_at_rest_stays_iff_friction_and_rolling_arm_hold_it(
     if held:
         assert descent.state[3:] == (0.0, 0.0, 0.0)
         assert abs(descent.state.x) < 1e-6
-
-
-@pytest.mark.parametrize("angle", [0.02, 0.3])
-def test_a_body_that_slides_without_turning_brakes_like_a_block(angle: float) -> None:
-    """Oracle: xddot = g sin beta - f g cos beta while |a + b f s| <= delta, physics.md, section 6."""
-    law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.1, rolling_arm=0.05)
-    state = State(0.0, 0.05, 0.0, 3.0, 0.0, 0.0)
-    descent = exactly(PAPER, law, Slope(angle), state, max_time=1.0, record="trajectory")
-    rows = descent.trajectory[descent.trajectory["t"] > 0.1]
-    expected = 9.81 * (math.sin(angle) - 0.1 * math.cos(angle))
-    assert rows["u"] - rows["u"][0] == pytest.approx(expected * (rows["t"] - rows["t"][0]), abs=1e-13)
-    assert (rows["omega"] == 0.0).all()
-    assert (rows["phi"] == 0.0).all()
 
 
 def test_an_eccentric_disc_that_rolls_without_losses_keeps_its_energy() -> None:
@@ -423,27 +315,3 @@ def test_forces_of_sustained_contact_are_those_of_the_rigid_body(friction: float
     assert rows["normal"] == pytest.approx(normal, abs=1e-11)
     assert rows["tangential"] == pytest.approx(force, abs=1e-11)
     assert rows["rolling"] == pytest.approx(delta * normal, abs=1e-13)
-
-
-@pytest.mark.parametrize("angle", [1e-9, 1e-7, 1e-6])
-def test_a_body_at_rest_on_a_nearly_level_slope_jams(angle: float) -> None:
-    """Oracle: statics, tan beta <= f; sticking needs f k+ times the depth, which starts at zero."""
-    law = ContactLaw(1.5e7, 0.6, 0.3, 0.01)
-    descent = exactly(segment(1.0, 0.5, 0.0, 0.1), law, Slope(angle), State(0.0, 0.5, 0.0), max_time=1.0)
-    assert descent.status == Status.JAMMED
-
-
-def test_a_flat_arc_may_be_pressed_in_deeper_than_both_its_ends() -> None:
-    """Oracle: by hand: both ends lie r (1 - cos alpha) above the lowest point; conservation of energy."""
-    half_angle = 0.003
-    body = circular_segment(10.0, 0.25 / math.sin(half_angle), half_angle)
-    law = ContactLaw(1e7, 0.5, 0.1, 0.0)
-    launch = State(0.0, support_height(body, 0.0), 0.0, 0.0, -3.0, 0.0)
-    descent = simulate(body, law, LEVEL, launch)
-    assert descent.status != Status.BURIED
-    deepest = body.radius * (1.0 - math.cos(half_angle))
-    assert descent.rebounds["peak_penetration"][0] > 2.0 * deepest
-    assert abs(descent.energy.residual) <= 1e-11 * descent.energy.turnover
-    slow = simulate(body, law, LEVEL, launch._replace(v=-0.1), max_rebounds=1)
-    assert slow.status == Status.LOG_FULL
-    assert slow.rebounds["peak_penetration"][0] < 2e-4

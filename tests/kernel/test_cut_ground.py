@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections import Counter
 from collections.abc import Iterable
 
 import numpy as np
@@ -14,13 +13,10 @@ import sledenv
 from sledenv.simulation.checks import checked_descent
 from sledenv.simulation.fineness import too_fine
 from sledenv.simulation.grounds import Grounds
-from sledenv.simulation.smoothing import fit_ground
 from sledenv.simulation.support import resting_heights
-from tests.rough_grounds import log_uniform
 
 SLED, DISC = sledenv.sled(), sledenv.disc(50.0, 0.3)
 LENGTH = 100.0  # [m]
-TOLERANCE = 0.01  # [m] of a fit: more than the peaks of the noise
 
 
 def ridden(
@@ -49,50 +45,6 @@ def is_fine(body: sledenv.Body, slope: sledenv.Slope, stiffness: float) -> bool:
 
 
 # Surveyed hills.
-
-
-def survey(number: int) -> tuple[np.ndarray, float]:
-    """Vertices of a hill measured every 0.1 to 1 m, every other time with noise of 2 mm, and a stiffness [N/m]."""
-    rng = np.random.default_rng((70, number))
-    count = int(rng.integers(1, 4))
-    lengths, shares = np.exp(rng.uniform(math.log(6.0), math.log(50.0), count)), rng.uniform(0.02, 0.25, count)
-    begins = rng.uniform(0.0, 2.0 * math.pi, count)
-    x = np.arange(-6.0, LENGTH + 6.0, log_uniform(rng, 0.1, 1.0))
-    waves = 2.0 * math.pi * x[:, np.newaxis] / lengths + begins
-    y = (shares / count * lengths / (2.0 * math.pi) * np.sin(waves)).sum(axis=1)
-    y += rng.normal(0.0, 1.0, len(x)) * (0.0, 0.002)[number % 2]
-    return np.column_stack([x, y]), (1e6, 1e7)[number // 2 % 2]
-
-
-def above(descent: sledenv.Descent) -> float:
-    """How high over the ground a place is at most where a contact is recorded [sizes], < 0 within the ground."""
-    rows = descent.trajectory
-    contacts = rows["contacts"][np.arange(rows["contacts"].shape[1]) < rows["touching"][:, np.newaxis]]
-    return float((contacts["y"] - descent.slope.height_at(contacts["x"])).max()) / descent.body.size
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize(
-    "numbers", [range(1, 4), pytest.param(range(200), marks=pytest.mark.slow)], ids=["few", "many"]
-)
-def test_the_sled_rides_down_surveyed_hills(numbers: Iterable[int]) -> None:
-    """Oracle: heights of the ground. Read as arcs or as a polyline, no ride is in the air or buried.
-
-    A few come to lie before a hill that they cannot climb.
-    """
-    ends: Counter[str] = Counter()
-    for number in numbers:
-        vertices, stiffness = survey(number)
-        fitted, angle = fit_ground(vertices, TOLERANCE), 0.12 + 0.08 * (number % 7) / 6.0
-        arcs = sledenv.Slope(angle, LENGTH, profile=fitted[:, :2], rounding=fitted[:, 2])
-        line = sledenv.Slope(angle, LENGTH, profile=vertices)
-        assert not is_fine(SLED, arcs, stiffness)
-        for slope in (arcs, line):
-            descent = ridden(SLED, slope, stiffness, 6.0, record=True)
-            ends[descent.status] += 1
-            assert above(descent) < 1e-9, number
-    assert set(ends) <= {"finish", "timeout", "jammed"}
-    assert ends["finish"] > 0.9 * ends.total()
 
 
 # Polylines that are cut ever finer.

@@ -40,13 +40,6 @@ def height(vertices: np.ndarray, x: float) -> float:
 # --- pieces ----------------------------------------------------------------------------------------------------------
 
 
-def test_a_plane_is_one_piece_without_an_end() -> None:
-    """Oracle: the plane."""
-    (piece,) = pieces_of([])
-    assert (piece["x"], piece["y"], piece["tx"], piece["ty"], piece["tilt"]) == (0.0, 0.0, 1.0, 0.0, 0.0)
-    assert (piece["low"], piece["high"], piece["before"], piece["behind"]) == (-math.inf, math.inf, 0, 1)
-
-
 @given(profiles)
 def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> None:
     """Oracle: numpy on the list of vertices; outside of them the plane goes on level."""
@@ -284,22 +277,6 @@ def test_a_crest_passes_from_an_arc_to_a_side_without_a_jump(
     centre = np.array([bend["qx"], bend["qy"]]) - reach * outward(BLOCK, side, phi)
     pose = pose_with_centre(BLOCK, arc, centre, phi)
     agree(BLOCK, pose, (SIDE_BEND, side, CREST), (ARC_BEND, arc, CREST), rounding)
-
-
-@pytest.mark.parametrize("name", ["sled", "block", "hexagon", "triangle"])
-def test_sides_go_from_arc_to_arc(name: str) -> None:
-    """Oracle: each end of a side lies on its arc and is level with the other one; smooth joins have one point."""
-    body = record_of(BODIES[name])
-    arcs = int(body["arcs"])
-    for k in range(arcs):
-        after = (k + 1) % arcs
-        out = np.array([body["ox"][k], body["oy"][k]])
-        begin, end = (np.array([body["cx"][i], body["cy"][i]]) + body["r"][i] * out for i in (k, after))
-        np.testing.assert_allclose([body["sx"][k], body["sy"][k]], begin, atol=1e-12)
-        np.testing.assert_allclose((end - begin) @ out, 0.0, atol=1e-9)
-        assert math.hypot(*out) == pytest.approx(1.0, abs=1e-14)
-        assert math.hypot(*(end - begin)) == pytest.approx(body["length"][k], abs=1e-9)
-        assert bool(body["smooth"][k]) == (body["length"][k] == 0.0)
 
 
 @given(st.floats(-4.0, 4.0), st.floats(0.0, 1.5))

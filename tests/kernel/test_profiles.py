@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 
 import sledenv
 from tests.bodies import same_bits
-from tests.profile_springs import resting_height
-from tests.profiles import BODIES, Case, Profile, random_case
+from tests.plane_cases import mirrored
+from tests.profiles import BODIES, Profile, random_case
 
 G = 9.81
 VELOCITIES = ("u_after", "v_after", "omega_after")
@@ -60,25 +60,6 @@ def test_a_straight_line_is_the_plane_turned(kind: str, tilt: float) -> None:
     np.testing.assert_allclose(other.rebounds["t"], one.rebounds["t"], rtol=0.0, atol=1e-11)
 
 
-def mirrored(case: Case) -> Case:
-    """The same seen from the other side of the picture."""
-    count = len(case.body.arcs)
-    arcs = []
-    for k, arc in enumerate(case.body.arcs):
-        end = case.body.arcs[(k + 1) % count].begin
-        arcs.append(arc._replace(x=-arc.x, begin=-end if end > -math.pi else -math.pi, side=case.body.arcs[k - 1].side))
-    zones = [zone._replace(begin=-zone.end, end=-zone.begin) for zone in case.slope.zones[::-1]]
-    slope = sledenv.Slope(
-        -case.slope.angle,
-        gravity=case.slope.gravity,
-        zones=zones,
-        profile=[(-x, y) for x, y in case.slope.profile[::-1]],
-    )
-    x, y, phi, u, v, omega = case.launch
-    body = sledenv.Body(case.body.mass, case.body.inertia, sorted(arcs, key=lambda arc: arc.begin))
-    return Case(case.name, body, case.law, slope, sledenv.State(-x, y, -phi, -u, v, -omega))
-
-
 @pytest.mark.parametrize("number", range(4))
 def test_the_mirror_image_of_a_ride_is_the_ride_of_the_mirror_image(number: int) -> None:
     """Oracle: symmetry; three contacts, whose error grows from one to the next."""
@@ -117,19 +98,6 @@ def test_vertices_far_away_cost_no_step_and_change_no_bit() -> None:
     )
     assert few.outcome["steps"] == many.outcome["steps"]
     same_bits(few.rebounds, many.rebounds)
-
-
-@pytest.mark.parametrize("kind", BODIES)
-def test_a_pit_elsewhere_supplies_no_energy(kind: str) -> None:
-    """Oracle: the drop counts from the lowest ground near the start, so that a pit elsewhere lowers no reward."""
-    launch = sledenv.State(0.0, 1.5, 0.2, 1.0)
-    supplied = [
-        sledenv.simulate(
-            BODIES[kind], LAW, sledenv.Slope(0.1, 100.0, profile=profile), launch, max_time=0.5
-        ).energy.supplied
-        for profile in ([(30.0, 0.0), (35.0, -9.0), (40.0, 0.0)], [(30.0, 0.0), (35.0, 1.0), (40.0, 0.0)])
-    ]
-    assert supplied[0] == supplied[1]
 
 
 @pytest.mark.parametrize("fall", [-0.2, 0.5, 2.0])
@@ -202,30 +170,6 @@ def test_a_disc_at_rest_in_a_dip_presses_on_both_sides(degrees: float, arm: floa
     assert sorted(contacts["ground"].tolist()) == [2, 4]  # the pieces before and behind vertex 1
 
 
-@pytest.mark.parametrize(("radius", "speed"), [(12.0, 5.0), (40.0, 10.0)])
-def test_the_sled_rides_through_a_round_dip_however_it_is_cut(radius: float, speed: float) -> None:
-    """Oracle: a chord lies within cut^2/(8 R) of the arc, so finer cuts come nearer to one path."""
-    law = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e7, friction=0.005, rolling_arm=0.0)
-    half, ends = 0.2, []
-    finish = radius * math.sin(half) + 4.0
-    for cut in (1.0, 0.4, 0.2, 0.1):
-        angles = np.linspace(-half, half, 2 * math.ceil(half * radius / cut) + 1)
-        rim = radius * (1.0 - math.cos(half))
-        profile = [(float(radius * math.sin(a)), float(radius * (1.0 - math.cos(a)) - rim)) for a in angles]
-        start, phi = -radius * math.sin(0.8 * half), -0.8 * half
-        height = resting_height(BODIES["sled"], profile, start, phi) + 0.001
-        launch = sledenv.State(start, height, phi, speed * math.cos(phi), speed * math.sin(phi), 0.0)
-        descent = sledenv.simulate(BODIES["sled"], law, sledenv.Slope(0.0, finish, profile=profile), launch)
-        assert descent.status == "finish"
-        assert abs(descent.energy.residual) <= 1e-9 * descent.energy.turnover
-        inside = 1.4 * half * radius / speed
-        slope = sledenv.Slope(0.0, profile=profile)
-        ends.append(sledenv.simulate(BODIES["sled"], law, slope, launch, max_time=inside).state)
-    away = [math.hypot(end.x - ends[-1].x, end.y - ends[-1].y) for end in ends]
-    assert away[2] < 0.6 * away[0]
-    assert away[2] < 0.01 * radius
-
-
 # Crests.
 
 
@@ -257,31 +201,6 @@ def test_a_disc_that_rolls_leaves_a_crest_where_its_weight_no_longer_turns_it() 
     """Oracle: acos((3 v0^2/(g r) + 4)/7) = 52.10 degrees."""
     row = rolled(math.radians(80.0), 1e3).rebounds[0]
     assert math.degrees(math.asin(row["x"] / 0.5)) == pytest.approx(math.degrees(math.acos(4.3 / 7.0)), abs=0.02)
-
-
-def test_a_disc_that_slips_on_a_crest_leaves_it_earlier() -> None:
-    """Oracle: with f = 3 it slips where sin(a)/3 = 3 N/(m g), at 49.42 degrees; then r a'' = g sin(a) - 3 N/m."""
-    radius, friction = 0.5, 3.0
-
-    def pressed(angle: float, speed: float) -> float:
-        return G * math.cos(angle) - speed**2 / radius
-
-    def rates(_: float, q: np.ndarray) -> list[float]:
-        return [q[1] / radius, G * math.sin(q[0]) - friction * pressed(*q)]
-
-    def leaves(_: float, q: np.ndarray) -> float:
-        return pressed(*q)
-
-    leaves.terminal = True  # type: ignore[attr-defined]
-    slips = math.radians(49.424119)
-    speed = math.sqrt(G * radius * (0.1 + (4.0 / 3.0) * (1.0 - math.cos(slips))))
-    assert math.sin(slips) * G / 3.0 == pytest.approx(friction * pressed(slips, speed), rel=1e-5)
-    angle = solve_ivp(rates, (0.0, 1.0), [slips, speed], events=leaves, rtol=1e-10, atol=1e-12).y[0, -1]
-    descent = rolled(math.radians(80.0), friction)
-    rows = descent.trajectory[descent.trajectory["touching"] == 1]
-    sliding = np.hypot(rows["u"], rows["v"]) + radius * rows["omega"] > 1e-6
-    assert math.degrees(math.asin(rows["x"][sliding][0] / radius)) == pytest.approx(49.42, abs=0.25)
-    assert math.asin(descent.rebounds[0]["x"] / radius) == pytest.approx(angle, abs=5e-4)
 
 
 GRIP = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e9, friction=2.0, rolling_arm=0.0)

@@ -11,14 +11,15 @@ import pytest
 from sledenv.kernel.contacts import IMPACT
 from sledenv.kernel.impact import ENERGETIC, MOST_PHASES, NEWTON, POISSON, impact
 from sledenv.kernel.records import PHASE
-from tests.compiled import compiled
 from tests.oracles import ImpactResult, rational_impact, wang_mason
 
 HYPOTHESES = {"energetic": ENERGETIC, "poisson": POISSON, "newton": NEWTON}
-NO_PHASES = np.empty(0, PHASE)
 
 # Columns of a case: what an impact is told.
 MASS, INERTIA, A, B, SIZE, FRICTION, ARM, RESTITUTION, V_T, OMEGA, V_N = range(11)
+GIVEN = ("a", "b", "size", "friction", "rolling_arm", "restitution", "v_t", "omega", "v_n")
+IMPULSES = ("normal_impulse", "tangential_impulse", "rolling_impulse")
+FOUND = ("v_t", "omega", "v_n", *IMPULSES, "hysteresis", "sliding", "rolling")
 
 
 def random_impacts(n: int, seed: int) -> np.ndarray:
@@ -65,33 +66,14 @@ def coarse_impacts(n: int, seed: int) -> np.ndarray:
     return np.array([[rng.choice(values) for values in columns] for _ in range(n)])
 
 
-def impacts(cases: np.ndarray, hypothesis: int, phases: np.ndarray, hits: np.ndarray, found: np.ndarray) -> None:
-    """Fill found with v_t, omega, v_n, three impulses, three losses, phases, how often compression began anew."""
-    hit = hits[0]
-    for i in range(len(cases)):
-        case, row = cases[i], found[i]
-        hit["per_mass"], hit["per_inertia"], hit["size"] = 1.0 / case[MASS], 1.0 / case[INERTIA], case[SIZE]
-        hit["a"], hit["b"], hit["friction"], hit["rolling_arm"] = case[A], case[B], case[FRICTION], case[ARM]
-        hit["restitution"] = case[RESTITUTION]
-        hit["v_t"], hit["omega"], hit["v_n"] = case[V_T], case[OMEGA], case[V_N]
-        count = impact(hypothesis, hit, phases)
-        row[0], row[1], row[2] = hit["v_t"], hit["omega"], hit["v_n"]
-        row[3], row[4], row[5] = hit["normal_impulse"], hit["tangential_impulse"], hit["rolling_impulse"]
-        row[6], row[7], row[8] = hit["hysteresis"], hit["sliding"], hit["rolling"]
-        row[9], row[10] = count, 0
-        for k in range(1, min(count, len(phases))):
-            if phases[k]["restitution"] < phases[k - 1]["restitution"]:
-                row[10] += 1
-
-
-compiled_impacts = compiled(impacts)
-
-
-def solve(case: list[float], hypothesis: int = ENERGETIC, phases: np.ndarray = NO_PHASES) -> tuple:
+def solve(case: list[float], hypothesis: int = ENERGETIC, phases: np.ndarray | None = None) -> tuple:
     """Velocities, impulses and losses of one impact, and the number of its phases."""
-    found = np.zeros((1, 11))
-    compiled_impacts(np.array([case]), hypothesis, phases, np.zeros(1, IMPACT), found)
-    return *found[0, :9].tolist(), int(found[0, 9])
+    hit = np.zeros(1, IMPACT)[0]
+    hit["per_mass"], hit["per_inertia"] = 1.0 / case[MASS], 1.0 / case[INERTIA]
+    for name, value in zip(GIVEN, case[A:], strict=True):
+        hit[name] = value
+    count = impact(hypothesis, hit, phases)
+    return *(float(hit[name]) for name in FOUND), count
 
 
 def oracle(case: list[float], hypothesis: str = "energetic") -> ImpactResult:
@@ -117,23 +99,10 @@ def worst_error(case: list[float], found: tuple, expected: ImpactResult) -> floa
     return max(abs(p - q) / unit for p, q, unit in zip(found[:9], expected[:9], units, strict=True))
 
 
-def surveyed(cases: np.ndarray, hypothesis: int = ENERGETIC) -> np.ndarray:
-    """Energy before, after, three losses, phases, v_n, how often compression began anew."""
-    found = np.zeros((len(cases), 11))
-    compiled_impacts(cases, hypothesis, np.zeros(MOST_PHASES, PHASE), np.zeros(1, IMPACT), found)
-
-    def energies(v_t: np.ndarray, omega: np.ndarray, v_n: np.ndarray) -> np.ndarray:
-        u, v = v_t - cases[:, B] * omega, v_n + cases[:, A] * omega
-        return 0.5 * cases[:, MASS] * (u * u + v * v) + 0.5 * cases[:, INERTIA] * omega * omega
-
-    before, after = energies(*cases[:, V_T:].T), energies(*found[:, :3].T)
-    return np.column_stack([before, after, found[:, 6:9], found[:, 9], found[:, 2], found[:, 10]])
-
-
 # --- against the exact oracle ----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", [200, pytest.param(100_000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("n", [200, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_an_impact_agrees_with_exact_fractions(n: int) -> None:
     """Oracle: tests.oracles.rational_impact; the phases are the same too."""
     phases = np.zeros(MOST_PHASES, PHASE)
@@ -188,25 +157,6 @@ def test_a_frictionless_impact_loses_the_textbook_energy(hypothesis: str, restit
         assert (found[4], found[5], found[7], found[8]) == (0.0, 0.0, 0.0, 0.0)
 
 
-def test_the_three_hypotheses_agree_where_the_contact_never_changes_its_mode() -> None:
-    """Oracle: with constant forces per normal impulse v_n is linear in it, and the three definitions coincide."""
-    phases = np.zeros(MOST_PHASES, PHASE)
-    agreeing = 0
-    for case in random_impacts(400, seed=5).tolist():
-        found = solve(case, phases=phases)
-        rows = phases[: found[9]]
-        if case[V_N] == 0.0 or len({(int(row["slip"]), int(row["spin"])) for row in rows}) != 1:
-            continue
-        agreeing += 1
-        for hypothesis in (POISSON, NEWTON):
-            other = solve(case, hypothesis)
-            speed, size = scales(case)
-            assert other[0] == pytest.approx(found[0], abs=1e-12 * speed)
-            assert other[1] == pytest.approx(found[1], abs=1e-12 * speed / size)
-            assert other[2] == pytest.approx(found[2], abs=1e-12 * speed)
-    assert agreeing > 80
-
-
 def test_newtons_restitution_creates_energy_where_the_energetic_one_does_not() -> None:
     """A uniform rod of 1 m and 1 kg at 45 degrees, f = 0.7, e = 1: 1.828 J become 2.828 J under Newton's hypothesis.
 
@@ -255,21 +205,6 @@ def test_an_impact_can_compress_twice(
     assert worst_error(case, found, oracle(case, hypothesis)) < 1e-12
 
 
-@pytest.mark.jit_only
-def test_compressing_twice_needs_a_long_rolling_arm() -> None:
-    """Oracle: the condition |a| delta > a^2 + b^2 + J/m, necessary, not sufficient; both are met often enough."""
-    rng = np.random.default_rng(7)
-    cases = random_impacts(20_000, seed=7)
-    a, b, inertia = (rng.uniform(low, high, len(cases)) for low, high in ((0.05, 0.5), (0.02, 0.4), (0.001, 0.05)))
-    cases[:, A], cases[:, B], cases[:, INERTIA] = a, b, inertia * cases[:, MASS]
-    cases[:, ARM] = rng.uniform(0.0, 1.0, len(cases))
-    again = surveyed(cases)[:, 7]
-    possible = a * cases[:, ARM] > a * a + b * b + inertia
-    assert not np.any(again[~possible])
-    assert np.sum(again > 0) > 3
-    assert np.max(again) == 1
-
-
 def jamming(cases: np.ndarray) -> np.ndarray:
     """Entries with slip and spin into the Painleve region: J/m + a^2 + a (b f s_t + delta s_w) < 0."""
     drag = cases[:, B] * cases[:, FRICTION] * np.sign(cases[:, V_T]) + cases[:, ARM] * np.sign(cases[:, OMEGA])
@@ -279,19 +214,6 @@ def jamming(cases: np.ndarray) -> np.ndarray:
 
 def slips_and_spins(cases: np.ndarray) -> np.ndarray:
     return (cases[:, V_T] != 0.0) & (cases[:, OMEGA] != 0.0)
-
-
-def test_compression_ends_where_sliding_presses_the_body_into_the_ground() -> None:
-    """Oracle: rational_impact; the gap first closes faster and faster, until slip or spin stops."""
-    cases = random_impacts(20_000, seed=8)
-    cases = cases[jamming(cases)][:60]
-    phases = np.zeros(MOST_PHASES, PHASE)
-    for case in cases.tolist():
-        found = solve(case, phases=phases)
-        assert 2 <= found[9] <= MOST_PHASES
-        assert found[2] >= 0.0
-        assert phases[0]["restitution"] == 0
-        assert worst_error(case, found, oracle(case)) < 1e-12
 
 
 def test_a_jamming_contact_has_an_impact_without_approach() -> None:
@@ -311,16 +233,17 @@ def test_a_jamming_contact_has_an_impact_without_approach() -> None:
 # --- energy, symmetry, bookkeeping -----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("n", [2000, pytest.param(1_000_000, marks=[pytest.mark.slow, pytest.mark.jit_only])])
+@pytest.mark.parametrize("n", [500, pytest.param(20_000, marks=pytest.mark.slow)])
 def test_no_impact_creates_energy_and_the_losses_account_for_it_all(n: int) -> None:
     """Oracle: kinetic energies before and after; each of the three losses is a loss."""
-    out = surveyed(random_impacts(n, seed=10))
-    before, after, losses, phases, v_n = out[:, 0], out[:, 1], out[:, 2:5], out[:, 5], out[:, 6]
-    assert np.all(phases <= 8)
-    assert np.all(v_n >= 0.0)
-    assert np.all(losses >= 0.0)
-    assert np.all(after <= before * (1.0 + 1e-14))
-    assert np.all(np.abs(after + losses.sum(axis=1) - before) <= 2e-13 * before)
+    for case in random_impacts(n, seed=10).tolist():
+        *found, phases = solve(case)
+        before, after = kinetic(case, *case[V_T:]), kinetic(case, *found[:3])
+        assert phases <= 8
+        assert found[2] >= 0.0
+        assert min(found[6:]) >= 0.0
+        assert after <= before * (1.0 + 1e-14)
+        assert abs(after + sum(found[6:]) - before) <= 2e-13 * before
 
 
 def test_the_mirrored_impact_is_the_same_bit_for_bit() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from fractions import Fraction
-from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -99,25 +98,6 @@ def test_a_polynomial_is_positive_before_its_first_zero(
         assert float(exact(p, t)) >= -rounding(p, t)
     if found < math.inf:  # where roots are close, the value is within rounding all about them
         assert abs(float(exact(p, found))) <= 1e3 * rounding(p, found)
-
-
-@given(st.lists(st.integers(-9, 9), min_size=3, max_size=ORDER), st.integers(1, 9))
-def test_zeros_of_polynomials_at_random(whole: list[int], first: int) -> None:
-    """Oracle: the eigenvalues of numpy's companion matrix."""
-    p = [float(first), *map(float, whole)]
-    roots = np.polynomial.polynomial.polyroots(p)
-    real = sorted(root.real for root in roots if abs(root.imag) < 1e-6 and 0.0 < root.real < 1.0 + 1e-6)
-    near = [root for root in roots if 1e-12 < abs(root.imag) < 1e-3 and -0.01 < root.real < 1.01]
-    assume(not near and all(abs(root - 1.0) > 1e-6 for root in real))
-    assume(all(late - early > 1e-3 for early, late in pairwise(real)))
-    assert zero_of(p, 1.0) == pytest.approx(real[0] if real else math.inf, rel=1e-9)
-
-
-@given(st.floats(0.05, 0.9), st.floats(0.95, 0.99), st.sampled_from(ENDS))
-def test_a_double_root_is_found_or_lost_in_rounding(root: float, last: float, end: float) -> None:
-    """Oracle: a square times a factor that falls; where the square does not reach zero, the factor does."""
-    found = zero_of(in_units_of(end, with_roots([root, root, last])), end)
-    assert found == pytest.approx(root * end, rel=1e-6) or found == pytest.approx(last * end, rel=1e-9)
 
 
 @given(st.floats(0.05, 0.95), st.floats(1e-12, 1e-3), st.sampled_from(ENDS))

@@ -1,43 +1,33 @@
-"""Random rounded bodies over random ground against springs that are integrated independently, by geometry alone."""
+"""Random bodies on random ground against springs that are integrated independently, by geometry alone."""
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import pytest
 
 import sledenv
+from tests.plane_cases import plane_case
 from tests.profile_springs import follow, resting_height
-from tests.profiles import Case, bumps, dips, gravity_of, hills, random_case
+from tests.profiles import Case, bumps, dips, hills, random_case
 from tests.rough_grounds import BODIES, log_uniform
 
 CONTACTS, TIME = 3, 1.5  # [-], [s]
 AGREED = 1e-5  # of the fastest velocity
-COARSE = 1e-4  # the same, where the finer layer is too coarse too
+COARSE = 1e-4  # the same, where the finest layer is too coarse too
 LAYERS = {8e-5: 300_000, 1e-5: 3_000_000}  # [m/s] of the springs, the second where the first is too coarse; steps
+FINEST = {2.5e-6: 12_000_000}  # of bodies that roll or stick for long
 CREATED = 1e-9  # of the kinetic energy: more than that, and geometry alone creates energy
-
-# Some of each body, ground and friction, chosen for what the springs cost.
-FEW = (1, 3, 8, 15, 24, 31, 55, 64, 79, 88, 102, 111)
-MANY = 200
-# A block comes down on a crest that is in it already when it comes under the side.
-EXCEPTED = {"block, hills, seed (3, 30)", "block, dips, seed (3, 99)", "block, dips, seed (3, 141)"}
-
-# The same over round bends, which most of the few touch: of each body those that cost least.
 ROUND = ("sled", "disc", "eccentric_disc", "rod", "crate", "hexagon", "rock", "hull_of_two", "hull_of_three")
-FEW_ROUND = (7, 14, 16, 25, 37, 39, 40, 44, 61, 63, 65, 78, 81)
-MANY_ROUND = 100
-FINEST = {2.5e-6: 12_000_000}  # the layer where even the finer one is too coarse: of bodies that roll or stick for long
-# An arc comes to where a side touches the end of a bend already, and two become one.
-EXCEPTED_ROUND = {"crate, number 22", "sled, number 27", "hull_of_two, number 88"}
 
 
-def case_of(number: int) -> Case:
+def sharp_case(number: int) -> Case:
     return random_case((3, number), planes=False, stiffness=(1e7, 1e8), length=float("inf"))
 
 
-def round_case_of(number: int) -> Case:
+def round_case(number: int) -> Case:
     """Return a case of its own for each number: round crests and dips, sharp ones among them, one in ten all sharp."""
     rng = np.random.default_rng((5, number))
     kind, ground = ROUND[number % len(ROUND)], (bumps, dips, hills)
@@ -61,6 +51,37 @@ def round_case_of(number: int) -> Case:
     return Case(f"{kind}, number {number}", body, law, slope, sledenv.State(x, height, phi, *rates))
 
 
+class Kind(NamedTuple):
+    """Cases of one kind of ground."""
+
+    case: Callable[[int], Case]
+    few: tuple[int, ...]  # some of each body, ground and friction, chosen for what the springs cost
+    many: int
+    excepted: set[str]  # where geometry alone creates energy: an arc or a crest comes under a side inside it already
+
+
+KINDS = {
+    "sharp": Kind(
+        sharp_case,
+        (1, 3, 8, 15, 24, 31, 55, 64, 79, 88, 102, 111),
+        200,
+        {"block, hills, seed (3, 30)", "block, dips, seed (3, 99)", "block, dips, seed (3, 141)"},
+    ),
+    "round": Kind(
+        round_case,
+        (7, 14, 16, 25, 37, 39, 40, 44, 61, 63, 65, 78, 81),
+        100,
+        {"crate, number 22", "sled, number 27", "hull_of_two, number 88"},
+    ),
+    "plane": Kind(
+        lambda number: plane_case(number, zoned=True),
+        (1, 2, 3, 5, 8, 9, 11, 12, 14, 15, 20, 21, 23, 24, 25, 26, 28, 29, 34),
+        36,
+        set(),
+    ),
+}
+
+
 class Springs(NamedTuple):
     """What springs say in the limit of no layer."""
 
@@ -70,13 +91,12 @@ class Springs(NamedTuple):
 
 
 def on_springs(case: Case, layer: float, steps: int) -> Springs:
-    body, law, slope, launch = case[1:]
-    given = body, law, gravity_of(slope), list(slope.profile), tuple(launch)
-    ends: dict[str, Any] = {"contacts": CONTACTS, "max_time": TIME, "steps": steps, "rounding": slope.rounding}
-    one, half = (follow(*given, layer=share * layer, **ends) for share in (1.0, 0.5))
+    one, half = (
+        follow(*case[1:], layer=share * layer, contacts=CONTACTS, max_time=TIME, steps=steps) for share in (1.0, 0.5)
+    )
     count = min(len(one.rows), len(half.rows))
-    found = (2.0 * half.rows[:count, 4:] - one.rows[:count, 4:]) * [1.0, 1.0, body.size]
-    energy = 0.5 * body.mass * max((found**2).sum(axis=1).max(initial=0.0), 1.0)
+    found = (2.0 * half.rows[:count, 4:] - one.rows[:count, 4:]) * [1.0, 1.0, case.body.size]
+    energy = 0.5 * case.body.mass * max((found**2).sum(axis=1).max(initial=0.0), 1.0)
     return Springs(found, max(one.jumped, half.jumped) / energy, one.done and half.done)
 
 
@@ -102,39 +122,25 @@ def disagreement(case: Case, layers: dict[float, int] = LAYERS) -> float:
 
 
 @pytest.mark.jit_only
-@pytest.mark.parametrize("number", FEW)
-def test_velocities_after_three_contacts_are_those_of_springs(number: int) -> None:
+@pytest.mark.parametrize(("kind", "number"), [(kind, number) for kind in KINDS for number in KINDS[kind].few])
+def test_velocities_after_three_contacts_are_those_of_springs(kind: str, number: int) -> None:
     """Oracle: tests/profile_springs.py, which shares no code with the kernel."""
-    assert 0.0 <= disagreement(case_of(number)) <= AGREED
+    assert 0.0 <= disagreement(KINDS[kind].case(number)) <= AGREED
 
 
 @pytest.mark.slow
 @pytest.mark.jit_only
-def test_many_rides_over_profiles_are_those_of_springs() -> None:
+@pytest.mark.parametrize("kind", KINDS)
+def test_many_rides_are_those_of_springs(kind: str) -> None:
     """Oracle: tests/profile_springs.py. What is excepted is named: there geometry alone creates energy."""
-    found = {case.name: disagreement(case) for case in map(case_of, range(MANY))}
-    assert {name for name, value in found.items() if value < 0.0} == EXCEPTED
+    case, _, many, excepted = KINDS[kind]
+    layers = LAYERS | FINEST if kind == "round" else LAYERS
+    found = {one.name: disagreement(one, layers) for one in map(case, range(many))}
+    assert {name for name, value in found.items() if value < 0.0} == excepted
     assert {name: value for name, value in found.items() if value > COARSE} == {}
     unsure = {name: value for name, value in found.items() if value > AGREED}
-    assert len(unsure) <= 0.05 * MANY, unsure
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("number", FEW_ROUND)
-def test_velocities_on_round_ground_are_those_of_springs(number: int) -> None:
-    """Oracle: tests/profile_springs.py, which shares no code with the kernel."""
-    assert 0.0 <= disagreement(round_case_of(number)) <= AGREED
-
-
-@pytest.mark.slow
-@pytest.mark.jit_only
-def test_many_rides_over_round_ground_are_those_of_springs() -> None:
-    """Oracle: tests/profile_springs.py. What is excepted is named: there geometry alone creates energy."""
-    cases = map(round_case_of, range(MANY_ROUND))
-    found = {case.name: disagreement(case, LAYERS | FINEST) for case in cases}
-    assert {name for name, value in found.items() if value < 0.0} == EXCEPTED_ROUND
-    assert {name: value for name, value in found.items() if value > COARSE} == {}
-    unsure = {name: value for name, value in found.items() if value > AGREED}
-    assert len(unsure) <= 0.05 * MANY_ROUND, unsure
-    # Springs that creep take too many steps under a few bodies that come to lie: there nothing is compared.
-    assert sum(value == 0.0 for value in found.values()) <= 0.05 * MANY_ROUND
+    assert len(unsure) <= 0.05 * many, unsure
+    if (
+        kind == "round"
+    ):  # springs that creep take too many steps under a few bodies that come to lie: nothing to compare
+        assert sum(value == 0.0 for value in found.values()) <= 0.05 * many
