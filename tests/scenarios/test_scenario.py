@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import pickle
 from pathlib import Path
@@ -18,49 +17,16 @@ from hypothesis import strategies as st
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.simulation.bodies import Body, Segment, segment
-from sledenv.simulation.records import MOST_ARCS
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment, hull, polygon, rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.bodies import same_bits
-from tests.own_scenarios import own_scenario
+from tests.own_scenarios import DELETE, GOOD, POLYGON, changed, own_scenario
 
 ROOT = Path(__file__).parents[2]
 SHIPPED = sorted(path.stem for path in (ROOT / "configs" / "scenarios").glob("*.yaml"))
-GOOD: dict[str, Any] = {
-    "id": "example",
-    "title": "An example",
-    "slope": {"angle_deg": [6, 12], "length_m": 10},
-    "body": {"kind": "disc", "mass_kg": 100, "radius_m": 0.5, "eccentricity_m": 0.25, "inertia_kg_m2": 18.75},
-    "contact": {"stiffness_n_m": 1e7, "restitution": [0.4, 0.6], "friction": [0.1, 0.3], "rolling_arm_m": 0.005},
-    "launch": {
-        "speed_m_s": [1, 3],
-        "drop_m": [0.2, 1.0],
-        "fall_m_s": [0, 2],
-        "orientation_deg": [-90, 90],
-        "spin_rad_s": [-2, 2],
-    },
-    "control": {"orientation_deg": [-180, 180], "spin_rad_s": [-8, 8]},
-    "limits": {"max_time_s": 60, "max_rebounds": 200},
-}
-DELETE = object()
-
-
-def changed(**changes: Any) -> dict[str, Any]:
-    """Copy of the good scenario; ``slope__length_m=5`` sets a key of a section, ``DELETE`` removes it."""
-    content = copy.deepcopy(GOOD)
-    for path, value in changes.items():
-        *parents, key = path.split("__")
-        target = content
-        for parent in parents:
-            target = target[parent]
-        if value is DELETE:
-            del target[key]
-        else:
-            target[key] = value
-    return content
 
 
 def problems(content: Any) -> list[str]:
@@ -70,9 +36,6 @@ def problems(content: Any) -> list[str]:
 
 
 SLED = {"kind": "sled"}
-POLYGON = {"kind": "polygon", "mass_kg": 2, "points_m": [[0, 0], [0.4, 0], [0.3, 0.3], [0, 0.3]]}
-POINTS = "must be a list of 3 to 200 pairs [x, y] of numbers in [-1e+50, 1e+50] m"
-CIRCLES = "must be a list of 1 to 200 triples [x, y, radius] of numbers in [-1e+50, 1e+50] m"
 HULL = {"kind": "hull", "mass_kg": 2, "circles_m": [[0, 0, 0.1], [0.6, 0.1, 0.05], [0.2, 0.4, 0]]}
 MEASURED = {"inertia_kg_m2": 0.3, "centre_m": [0.25, 0.125]}
 
@@ -82,137 +45,11 @@ def scenario() -> Scenario:
     return Scenario.model_validate(GOOD)
 
 
-@pytest.mark.parametrize("name", [None, 3, ["sled_snow"]], ids=str)
-def test_what_is_no_name_of_a_scenario_is_named(name: Any) -> None:
-    with pytest.raises(TypeError, match=r"scenario = .*: must be the name of one or the path of a file"):
-        load_scenario(name)
-
-
-@pytest.mark.parametrize("context", [None, 3, "snow", (0.1, 0.2)], ids=str)
-def test_what_is_no_context_is_named(context: Any) -> None:
-    scenario = load_scenario("sled_snow")
-    with pytest.raises(TypeError, match=r"context = .*: must be a Context, or as many numbers: angle, friction"):
-        scenario.given(context)
-
-
-RANGE = "must be a number, or a pair [low, high] to sample, in"
-KINDS = "disc, segment, sled, polygon, hull, arcs, custom, rock, choice"
-BOUNDS = "must be a pair [low, high] of numbers in"
-
-
-@pytest.mark.parametrize(
-    ("path", "value", "message"),
-    [
-        ("slope__angle_deg", 95, f"slope.angle_deg = 95: {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", [5, 90], f"slope.angle_deg = [5, 90]: {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", [1, 2, 3], f"slope.angle_deg = [1, 2, 3]: {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", [12, 6], f"slope.angle_deg = [12, 6]: low must not exceed high; {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", "10 deg", f"slope.angle_deg = '10 deg': {RANGE} (-90, 90) deg"),
-        ("slope__angle_deg", {"low": 1}, f"slope.angle_deg: {RANGE} (-90, 90) deg"),
-        ("slope__length_m", 0, "slope.length_m = 0: must be a number in (0, inf) m"),
-        ("slope__length_m", math.inf, "slope.length_m = inf: must be a number in (0, inf) m"),
-        ("slope__length_m", [5, 10], "slope.length_m = [5, 10]: must be a number in (0, inf) m"),
-        ("slope__gravity_m_s2", -9.81, "slope.gravity_m_s2 = -9.81: must be a number in [0, inf) m/s^2"),
-        ("contact__restitution", 0, f"contact.restitution = 0: {RANGE} (0, 1]"),
-        ("contact__restitution", [0.5, 1.1], f"contact.restitution = [0.5, 1.1]: {RANGE} (0, 1]"),
-        ("contact__friction", -0.1, f"contact.friction = -0.1: {RANGE} [0, inf)"),
-        ("contact__friction", math.nan, f"contact.friction = nan: {RANGE} [0, inf)"),
-        ("contact__stiffness_n_m", 0, "contact.stiffness_n_m = 0: must be a number in (0, inf) N/m"),
-        ("contact__stiffness_n_m", True, "contact.stiffness_n_m = True: must be a number in (0, inf) N/m"),
-        ("contact__rolling_arm_m", -1, "contact.rolling_arm_m = -1: must be a number in [0, inf) m"),
-        ("contact__corner_rolling_arm_m", -1, "contact.corner_rolling_arm_m = -1: must be a number in [0, inf) m"),
-        ("launch__speed_m_s", -1, f"launch.speed_m_s = -1: {RANGE} [0, inf) m/s"),
-        ("launch__drop_m", [-0.1, 1], f"launch.drop_m = [-0.1, 1]: {RANGE} [0, inf) m"),
-        ("launch__fall_m_s", -1, f"launch.fall_m_s = -1: {RANGE} [0, inf) m/s"),
-        ("launch__orientation_deg", 361, f"launch.orientation_deg = 361: {RANGE} [-360, 360] deg"),
-        ("launch__spin_rad_s", math.inf, f"launch.spin_rad_s = inf: {RANGE} (-inf, inf) rad/s"),
-        ("body__mass_kg", 0, "body.mass_kg = 0: must be a number in [1e-50, 1e+50] kg"),
-        ("body__eccentricity_m", 0.5, "body.eccentricity_m = 0.5: must be a number in [0, radius_m) = [0, 0.5) m"),
-        (
-            "body__inertia_kg_m2",
-            18.76,
-            "body.inertia_kg_m2 = 18.76: must be a number in (0, m (r^2 - h^2)] = (0, 18.75] kg m^2",
-        ),
-        ("body__radius_m", 1e200, "body.radius_m = 1e+200: must be a number in [1e-50, 1e+50] m"),
-        ("body__kind", "disk", f"body.kind = 'disk': must be one of {KINDS} (did you mean 'disc'?)"),
-        ("body__kind", DELETE, f"body.kind: missing; must be one of {KINDS}"),
-        (
-            "control__spin_rad_s",
-            8,
-            "control.spin_rad_s = 8: must be a pair [low, high] of numbers in (-inf, inf) rad/s",
-        ),
-        (
-            "control__orientation_deg",
-            [90, 90],
-            "control.orientation_deg = [90, 90]: low must be below high; "
-            "must be a pair [low, high] of numbers in [-360, 360] deg",
-        ),
-        ("control__speed_m_s", [-1, 5], f"control.speed_m_s = [-1, 5]: {BOUNDS} [0, inf) m/s"),
-        ("control__spin_rad_s", None, f"control.spin_rad_s = None: {BOUNDS} (-inf, inf) rad/s"),
-        ("control__spin_rad_s", DELETE, f"control.spin_rad_s: missing; {BOUNDS} (-inf, inf) rad/s"),
-        (
-            "control__chosen",
-            "speed",
-            "control.chosen = 'speed': must be one of 'both', 'orientation', 'spin', 'orientation+spin', 'all'",
-        ),
-        ("control__chosen", ["spin"], "control.chosen = ['spin']: must be text"),
-        ("limits__max_time_s", 0, "limits.max_time_s = 0: must be a number in (0, inf) s"),
-        ("limits__max_time_s", 10**400, "must be a number in (0, inf) s"),
-        ("limits__max_rebounds", 0, "limits.max_rebounds = 0: must be a whole number in [1, 1000000]"),
-        ("limits__max_rebounds", 2.5, "limits.max_rebounds = 2.5: must be a whole number in [1, 1000000]"),
-        ("id", "Ice Drop", "id = 'Ice Drop': must be lower-case letters, digits and underscores"),
-        ("title", 3, "title = 3: must be text"),
-        ("tags", "jam", "tags = 'jam': must be a list"),
-        ("launch", 3, "launch = 3: must be a mapping of keys to values"),
-        ("slope__length_m", DELETE, "slope.length_m: missing; must be a number in (0, inf) m"),
-        ("launch", DELETE, "launch: missing; must be a mapping with speed_m_s, drop_m"),
-        ("control", DELETE, "control: missing; must be a mapping with orientation_deg, spin_rad_s"),
-        ("body", DELETE, f"body: missing; must be a mapping with kind, one of {KINDS}"),
-    ],
-)
-def test_an_impossible_value_is_named_with_its_key_and_the_allowed_range(path: str, value: Any, message: str) -> None:
-    (line,) = problems(changed(**{path: value}))
-    identity = value if path == "id" else "example"
-    assert line.startswith(f"scenario {identity}: ")
-    assert line.endswith(message)
-
-
-@pytest.mark.parametrize(
-    ("path", "expected"),
-    [
-        (
-            "slope__angle_rad",
-            "slope.angle_rad = 1: unknown key (did you mean 'angle_deg'?); known: angle_deg, length_m,",
-        ),
-        (
-            "body__mass_g",
-            "body.mass_g = 1: unknown key (did you mean 'mass_kg'?); known: kind, drag_area_m2, mass_kg, ",
-        ),
-        ("contact__restituton", "contact.restituton = 1: unknown key (did you mean 'restitution'?)"),
-        ("titel", "titel = 1: unknown key (did you mean 'title'?); known: id, title, question,"),
-        ("slope__zzz", "slope.zzz = 1: unknown key; known: angle_deg, length_m, gravity_m_s2"),
-    ],
-)
-def test_an_unknown_key_or_a_wrong_unit_is_answered_with_the_nearest_key(path: str, expected: str) -> None:
-    (line,) = problems(changed(**{path: 1}))
-    assert line.startswith(f"scenario example: {expected}")
-
-
 def test_every_problem_is_reported_at_once() -> None:
     """Oracle: three mistakes in three sections make three lines."""
     lines = problems(changed(slope__angle_deg=95, body__mass_g=1, limits__max_rebounds=0))
     keys = ["slope.angle_deg", "body.mass_g", "limits.max_rebounds"]
     assert [line.split(": ")[1].split(" =")[0] for line in lines] == keys
-
-
-@pytest.mark.parametrize(
-    ("changes", "have"),
-    [({"contact__asymmetry": 0.5}, "both are given"), ({"contact__restitution": DELETE}, "both are missing")],
-)
-def test_restitution_and_asymmetry_exclude_each_other(changes: dict[str, Any], have: str) -> None:
-    assert problems(changed(**changes)) == [
-        f"scenario example: contact: must have either restitution in (0, 1] or asymmetry in [0, 1), but {have}"
-    ]
 
 
 def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_given(scenario: Scenario) -> None:
@@ -230,15 +67,6 @@ def test_bounds_of_the_speed_are_optional_and_count_in_the_hash_where_they_are_g
 @pytest.mark.parametrize("content", [None, [], 3, own_scenario("ice_drop")])
 def test_what_is_no_mapping_is_no_scenario(content: Any) -> None:
     assert problems(content) == ["scenario without id: must be a mapping of keys to values"]
-
-
-def test_an_unknown_name_is_answered_with_the_known_ones() -> None:
-    with pytest.raises(ScenarioError) as caught:
-        load_scenario("sled_snwo")
-    known = ", ".join(SHIPPED)
-    assert str(caught.value) == (
-        f"unknown scenario 'sled_snwo' (did you mean 'sled_snow'?); known: {known}; a file ends in .yaml"
-    )
 
 
 @pytest.mark.parametrize(
@@ -436,79 +264,6 @@ def test_each_kind_of_body_is_built() -> None:
 
 
 SEGMENT = {"kind": "segment", "mass_kg": 2, "radius_m": 0.5, "half_angle_deg": 60}
-CUSTOM = {"kind": "custom", "mass_kg": 2, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 1}
-LEAST = "must be a number in [max(radius_m cos(half_angle_deg), 0), radius_m] = [0.25, 0.5] m"
-KNOWN = "body.inertia_kg_m2 = 1: unknown key; known: kind, drag_area_m2, mass_kg"
-
-
-DISC = {"x_m": 0, "y_m": 0, "radius_m": 0.5, "begin_rad": 0}
-ROUND = [[math.cos(k), math.sin(k), 0.1] for k in range(MOST_ARCS + 1)]
-
-
-def cornered(*points: Any) -> dict[str, Any]:
-    return POLYGON | {"points_m": [*points]}
-
-
-@pytest.mark.parametrize(
-    ("section", "message"),
-    [
-        ({**SEGMENT, "half_angle_deg": 0}, "body.half_angle_deg = 0: must be a number in (0, 180] deg"),
-        ({**SEGMENT, "inertia_kg_m2": 1}, f"{KNOWN}, radius_m, half_angle_deg"),
-        ({"kind": "segment", "mass_kg": 2, "radius_m": 0.5}, "body.half_angle_deg: missing; must be a number in (0, "),
-        (CUSTOM | {"radius_m": -1}, "body.radius_m = -1: must be a number in [0, 1e+50] m"),
-        (CUSTOM | {"half_angle_deg": 60}, f"body: eccentricity_m = 0.1: {LEAST}"),
-        (SLED | {"bow_radius_m": 0}, "body.bow_radius_m = 0: must be a number in [1e-50, 1e+50] m"),
-        (SLED | {"balance": 1}, "body.balance = 1: must be a number in (-1, 1)"),
-        (
-            POLYGON | {"radius_m": 1},
-            "body.radius_m = 1: unknown key; known: kind, drag_area_m2, mass_kg, inertia_kg_m2, centre_m, ",
-        ),
-        (POLYGON | {"inertia_kg_m2": 0}, "body.inertia_kg_m2 = 0: must be a number in [1e-250, 1e+150] kg m^2"),
-        (POLYGON | {"centre_m": [1]}, "body.centre_m = [1]: must be a pair [x, y] of numbers in [-1e+50, 1e+50] m"),
-        (POLYGON | {"centre_m": [0.1, 0.1]}, "body: inertia_kg_m2 = None: must be given where centre_m is"),
-        (POLYGON | MEASURED | {"centre_m": [1, 0]}, "body: centre_m = (1.0, 0.0): must lie within the outline"),
-        (POLYGON | {"parts": "abcd"}, "body.parts = 'abcd': must be a list"),
-        (POLYGON | {"parts": ["a"]}, "body: parts has 1 names: must have 4"),
-        (POLYGON | {"sides": [1, "b", "c", "d"]}, "body.sides.0 = 1: must be text"),
-        (POLYGON | {"sides": ["a", "b", "c", ""]}, "body: sides[3] = '': must have a letter"),
-        ({"kind": "arcs", "mass_kg": 2, "arcs": []}, "body.arcs = []: must have at least 1 entry"),
-        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC | {"begin": 0}]}, "body.arcs.0.begin = 0: unknown key (did you "),
-        ({"kind": "arcs", "mass_kg": 2, "arcs": [DISC, DISC]}, "body: arcs[1].begin = 0.0: must rise from arc to arc"),
-        ({"kind": "hull", "mass_kg": 2}, f"body.circles_m: missing; {CIRCLES}"),
-        (HULL | {"circles_m": [[0, 0]]}, f"body.circles_m = [[0, 0]]: {CIRCLES}"),
-        (HULL | {"circles_m": [[0, 0, -0.1]]}, "body: circles_m[0].radius = -0.1: must be 0 or in [1e-50, 1e+50]"),
-        (HULL | {"circles_m": [[0, 0, 0]]}, "body: centre_m = None: must be given where the outline has no area"),
-        (
-            HULL | {"circles_m": ROUND},
-            f"body: circles_m: the hull has {len(ROUND)} arcs: must have 1 to {MOST_ARCS}; rows [",
-        ),
-        (
-            cornered(*([x, y] for x, y, _ in ROUND)),
-            f"body: points_m has {len(ROUND)} rows: must have 3 to {MOST_ARCS}; rows [",
-        ),
-        (POLYGON | {"rounding_m": -0.1}, "body.rounding_m = -0.1: must be a number in [0, 1e+50] m"),
-        (POLYGON | {"rounding_m": 0.2}, "body: rounding_m = 0.2: must be in [0, 0.15) m, so that a length of each"),
-        ({"kind": "polygon", "mass_kg": 2}, f"body.points_m: missing; {POINTS}"),
-        (POLYGON | {"points_m": 0.3}, f"body.points_m = 0.3: {POINTS}"),
-        (cornered([0, 0], [1, 0]), f"body.points_m = [[0, 0], [1, 0]]: {POINTS}"),
-        (cornered(*1001 * [[0, 0]]), f"body.points_m = [{6 * '[0, 0], '}...]: {POINTS}"),
-        (cornered([0, 0], [1, 0], [0, 1, 0]), f"body.points_m = [[0, 0], [1, 0], [0, 1, 0]]: {POINTS}"),
-        (cornered([0, 0], [1, "0"], [0, 1]), f"body.points_m = [[0, 0], [1, '0'], [0, 1]]: {POINTS}"),
-        (cornered([0, 0], [1, 0], [0, math.inf]), f"body.points_m = [[0, 0], [1, 0], [0, inf]]: {POINTS}"),
-        (
-            cornered([0, 0], [1, 0], [1, 1e-12], [0, 1]),
-            "body: Body.arcs[1].begin = -1.5707963267948966: the side of 9.9",
-        ),
-        (cornered([0, 0], [1, 0], [1, 0]), "body: points_m[1] = [1.0, 0.0]: must differ from the next one"),
-        (
-            cornered([0, 0], [1, 0], [1, 1], [0.9, 0.1]),
-            "body: points_m[3] = [0.9, 0.1]: the polygon must be strictly convex; ",
-        ),
-    ],
-)
-def test_the_keys_of_a_body_are_those_of_its_kind(section: dict[str, Any], message: str) -> None:
-    (line,) = problems(changed(body=section))
-    assert line.startswith(f"scenario example: {message}")
 
 
 @pytest.mark.parametrize("half_angle_deg", [60, 120, 180])
@@ -702,18 +457,3 @@ def test_contexts_of_a_frame_are_taken_by_name() -> None:
             assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
         assert found.body.tolist() == [0] * 4
     assert len(scenario.scenes(frame.iloc[0]).rows) == 1
-
-
-@pytest.mark.parametrize(
-    ("contexts", "error", "message"),
-    [
-        (pd.DataFrame(np.ones((2, 12)), columns=[*Context._fields[:-1], "trak"]), ValueError, "has the column 'trak'"),
-        (pd.DataFrame(np.ones((2, 11)), columns=Context._fields[:-1]), ValueError, "has no column 'track'"),
-        (np.ma.masked_less(np.ones((2, 12)), 2.0), TypeError, "contexts is a masked array"),
-        ([[0.1] * 11 + [float("nan")]], ValueError, r"contexts\[0\]\.shape = 0.1: must be a whole number"),
-    ],
-)
-def test_what_is_no_table_of_contexts_is_refused_by_name(contexts: Any, error: type[Exception], message: str) -> None:
-    scenario = load_scenario("sled_rollers")
-    with pytest.raises(error, match=message):
-        scenario.scenes(contexts)

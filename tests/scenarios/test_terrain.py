@@ -14,7 +14,7 @@ import yaml
 from sledenv.scenarios.scenario import Scenario, ScenarioError, load_scenario
 from sledenv.scenarios.terrain import read_ground
 from sledenv.simulation.bends import MOST_VERTICES
-from tests.scenarios.test_scenario import DELETE, changed
+from tests.own_scenarios import DELETE, changed
 
 SECTION = "x_m,z_m\n0,77.1\n10,67.9\n20,59.6\n30,51.9\n40,44.8\n50,38.1\n60,33.4\n70,31.3\n80,30.5\n"
 

@@ -16,7 +16,8 @@ from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.scenarios.tracks import TRACKS
 from sledenv.simulation.bodies import Segment
 from sledenv.simulation.scene import Profile, Slope, Zone, checked_profile
-from tests.scenarios.test_scenario import DELETE, POLYGON, changed, problems
+from tests.own_scenarios import DELETE, POLYGON, changed
+from tests.scenarios.test_scenario import problems
 
 BUMPS = {"height_m": [0.4, 0.9], "face_m": [2.5, 4], "top_m": [0.2, 1.5], "gap_m": [2, 8]}
 ROOF = [[0, 0], [1, 0.1], [2, 0]]
@@ -69,49 +70,6 @@ def test_a_launch_over_a_profile_has_the_drop_between_body_and_ground() -> None:
         assert (y - slope.height_at(x)).min() == pytest.approx(context[4], abs=1e-4)
 
 
-@pytest.mark.parametrize(
-    ("slope", "message"),
-    [
-        ({"profile_m": [[0, 0]]}, "slope.profile_m = [[0, 0]]: must be a list of 2 to 16384 pairs [x, y] of numbers"),
-        (
-            {"profile_m": [[0, 0], [1, 0.1], [1, 3]]},
-            "slope.profile_m = [[0, 0], [1, 0.1], [1, 3]]: x of vertex 2 is 1: must be > that of the vertex before",
-        ),
-        (
-            {"profile_m": [[0, 0], [1, 0.1], [1.1, 3]]},
-            "slope.profile_m = [[0, 0], [1, 0.1], [1.1, 3]]: the piece from vertex 1 to 2 is 88 degrees steep to the "
-            "plane: must be at most 80 degrees; move a vertex, or tilt the plane",
-        ),
-        ({"profile_m": ROOF, "bumps": BUMPS}, "slope.bumps: must be left out where there is a profile, or the profile"),
-        ({"tolerance_m": 1}, "slope.tolerance_m = 1: must be left out without slope.profile_file"),
-        (
-            {"bumps": BUMPS | {"face_m": 0.1}},
-            "slope.bumps: face_m = 0.1: must be at least 0.1587 m, for bumps 0.9 m high: a piece may be 80 degrees "
-            "steep at most; make it longer or height_m lower",
-        ),
-        ({"bumps": BUMPS | {"back_m": [0.1, 4]}}, "slope.bumps: back_m = 0.1: must be at least 0.1587 m, for bumps"),
-        ({"bumps": BUMPS | {"heigth_m": 3}}, "slope.bumps.heigth_m = 3: unknown key (did you mean 'height_m'?)"),
-        ({"bumps": 3}, "slope.bumps = 3: must be a mapping of keys to values"),
-        (
-            {"bumps": BUMPS, "length_m": 18.9},
-            "slope.length_m = 18.9: must be at least 19 m, the sum of start_m, the longest bump and the size of the "
-            "body, 0.75 m: the finish must be level",
-        ),
-        (
-            {"bumps": BUMPS | {"start_m": 0.1}},
-            "slope.bumps.start_m = 0.1: must be at least the size of the body, 0.75 m, so that it is launched over",
-        ),
-        (
-            {"bumps": {"height_m": 0.01, "face_m": [0.002, 4], "top_m": 0, "gap_m": 0}},
-            "slope.bumps: there may be 9626 of the shortest: must be at most 4096; make them or gap_m longer",
-        ),
-    ],
-)
-def test_what_no_body_can_ride_is_refused_with_the_remedy(slope: dict[str, Any], message: str) -> None:
-    (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
-    assert line.startswith(f"scenario example: {message}")
-
-
 def test_sharp_corners_are_refused_until_they_are_rounded() -> None:
     """Oracle: the message; of a body or of the ground, one that is round is enough."""
     remedy = "give a polygon rounding_m, or the ground, or take a body whose outline has no corner"
@@ -144,21 +102,6 @@ def test_ground_may_be_rounded() -> None:
     contexts = drawn(bumps, 5)
     for profile, sharp, context in zip(profiles(bumps, contexts), profiles(bumpy(), contexts), contexts, strict=True):
         assert profile == bumps.given(Context(*context)).slope.ground == tuple((x, y, 0.3) for x, y, _ in sharp)
-
-
-@pytest.mark.parametrize(
-    ("slope", "message"),
-    [
-        ({"rounding_m": 1}, "slope.rounding_m = 1: must be left out without profile_m; bumps have a rounding_m of th"),
-        ({"profile_m": ROOF, "rounding_m": [1, 2]}, "slope.rounding_m = [1, 2]: must hold one for each of 3 vertices,"),
-        ({"profile_m": ROOF, "rounding_m": -1}, "slope.rounding_m = -1: must be a number, or a list of numbers, in [0"),
-        ({"profile_m": ROOF, "rounding_m": [0, "a", 0]}, "slope.rounding_m = [0, 'a', 0]: must be a number, or a lis"),
-        ({"bumps": BUMPS | {"rounding_m": -1}}, "slope.bumps.rounding_m = -1: must be a number in [0, inf) m"),
-    ],
-)
-def test_wrong_radii_are_refused_by_name_of_the_key(slope: dict[str, Any], message: str) -> None:
-    (line,) = problems(changed() | {"slope": {"angle_deg": 8, "length_m": 40} | slope})
-    assert line.startswith(f"scenario example: {message}")
 
 
 def test_rigid_surfaces_are_refused() -> None:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-import re
+from contextlib import nullcontext
 from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -25,7 +24,6 @@ from tests.oracles import support
 
 SEGMENT = {"mass": 1.0, "radius": 0.1, "eccentricity": 0.05, "inertia": 7.5e-3, "half_angle": 1.9}
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
-BELOW_ZERO = -1e-300
 ANY_OUTLINE = [
     segment(1.0, 0.5, 0.2, 0.1, 2.0),
     disc(1.0, 0.5),
@@ -45,11 +43,16 @@ def support_height(body: Body, phi: float) -> float:
 
 
 def test_the_ends_of_the_ranges_are_accepted() -> None:
-    """Oracle: the ranges in the docstrings: a point, a full disc, a corner, a rod without a thickness."""
+    """Oracle: the ranges in the docstrings: a point, a full disc, no thickness, a short side, a flat arc."""
     assert segment(1.0, 0.0, 0.0, 1.0, math.pi).half_angle == math.pi
     assert segment(1.0, 0.1, 0.0, 1.0) == Segment(1.0, 0.1, 0.0, 1.0, math.pi)
     assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]).size == 0.0
     assert rod(1.0, 1.0, 0.0).size == 0.5
+    stadium = Body(1.0, 1.0, [Arc(0.55e-9, 0.0, 1.0, -math.pi), Arc(-0.55e-9, 0.0, 1.0, 0.0)])
+    assert stadium.record["side"][0, :2].tolist() == [2.0, 2.0]
+    flat = Body(1.0, 1.0, bulged(rod(1.0, 1.0).arcs, 0, 4.9e5))
+    assert (len(flat.parts), flat.size) == (4, pytest.approx(0.5, rel=1e-6))
+    assert flat.lowest_support == pytest.approx(0.0, abs=5e-10)
 
 
 @pytest.mark.parametrize("body", ANY_OUTLINE)
@@ -70,8 +73,6 @@ def test_a_body_cannot_be_changed() -> None:
     body = rod(1.0, 1.0)
     with pytest.raises(AttributeError, match=r"Body\.mass cannot be set: use replace"):
         body.mass = 2.0  # type: ignore[misc]
-    with pytest.raises(AttributeError, match=r"Segment\.half_angle cannot be set"):
-        segment(**SEGMENT).half_angle = 1.0  # type: ignore[misc]
     with pytest.raises(AttributeError, match=r"Body\.mass cannot be deleted"):
         del body.mass
     with pytest.raises(ValueError, match="read-only"):
@@ -87,111 +88,6 @@ def corners(*places: tuple[float, float, float]) -> list[Arc]:
 
 QUARTER = 0.5 * math.pi
 SIDES = corners((1.0, 1.0, -math.pi), (1.0, -1.0, -QUARTER), (-1.0, -1.0, 0.0), (-1.0, 1.0, QUARTER))  # of a square
-
-
-@pytest.mark.parametrize(
-    ("arcs", "message"),
-    [
-        pytest.param([], "Body.arcs has 0 arcs: must have 1 to 24", id="no arcs"),
-        pytest.param(SIDES * 7, "Body.arcs has 28 arcs: must have 1 to 24", id="too many"),
-        pytest.param(
-            [SIDES[0], SIDES[1]._replace(radius=BELOW_ZERO)],
-            "Body.arcs[1].radius = -1e-300: must be in [0, inf)",
-            id="radius",
-        ),
-        pytest.param([SIDES[0]._replace(begin=math.pi)], "Body.arcs[0].begin = 3.14", id="a whole turn"),
-        pytest.param([SIDES[0]._replace(y=math.inf)], "Body.arcs[0].y = inf: must be a finite number", id="infinite"),
-        pytest.param([SIDES[0]._replace(part="")], "Body.arcs[0].part = '': must have a letter", id="no name"),
-        pytest.param([*SIDES[1:], SIDES[0]], "Body.arcs[3].begin = -3.14", id="falling"),
-        pytest.param([SIDES[0], *SIDES], "Body.arcs[1].begin = -3.14", id="not distinct"),
-        pytest.param(
-            [SIDES[0], SIDES[1]._replace(begin=-math.pi + 1e-10), *SIDES[2:]], "must rise from arc to arc", id="no turn"
-        ),
-        pytest.param(
-            [*SIDES[:3], SIDES[3]._replace(begin=math.nextafter(math.pi, 0.0))],
-            "must rise from arc to arc",
-            id="around",
-        ),
-        pytest.param([*SIDES[:2], SIDES[2]._replace(y=-1.1), SIDES[3]], "the outline is open or crosses", id="open"),
-        pytest.param(
-            [*SIDES[:2], SIDES[2]._replace(begin=0.1), SIDES[3]], "the outline is open or crosses", id="turned"
-        ),
-        pytest.param(
-            corners((-1.0, 0.0, -math.pi), (1.0, 0.0, 0.0)), "the side of -2.0 m between the arcs 0 and 1", id="concave"
-        ),
-        pytest.param(
-            [Arc(0.0, 0.0, 1.0, -1.0), Arc(0.0, 0.0, 1.0, 1.0, "other")], "0 and 1 are of one circle", id="one circle"
-        ),
-        pytest.param([Arc(0.0, 0.1, 0.09, 0.0)], "the outline passes the mass centre at -0.01", id="outside a disc"),
-        pytest.param([arc._replace(x=arc.x - 1.001) for arc in SIDES], "passes the mass centre at -0.00", id="outside"),
-        pytest.param(
-            [Arc(0.0, 2e6, 2e6, -3e-7), Arc(-0.6, 0.0, 0.0, 3e-7), Arc(0.6, 0.0, 0.0, -math.pi)][::-1],
-            "must rise",
-            id="order",
-        ),
-        pytest.param([Arc(1e308, 1e308, 1e308, 0.0)], "the size inf m must be 0 or in [1e-50, 1e+50] m", id="endless"),
-        pytest.param([Arc(0.0, 0.0, math.nan, 0.0)], "Body.arcs[0].radius = nan: must be in [0, inf)", id="nan"),
-    ],
-)
-def test_an_outline_that_is_none_is_refused(arcs: list[Arc], message: str) -> None:
-    """Oracle: the rules in the docstring of Body, each broken alone."""
-    with pytest.raises(ValueError, match=re.escape(message)) as caught:
-        Body(1.0, 1.0, arcs)
-    assert str(caught.value).startswith("Body.arcs")
-
-
-@pytest.mark.parametrize(
-    ("length", "message"),
-    [
-        (1e-300, r"arcs: 0 and 1 are of one circle"),
-        (1e-11, r"the side of .* m between the arcs 0 and 1 must be 0 or >= 1\.0"),
-        (9e-10, r"the side of .* m between the arcs 0 and 1 must be 0 or >= 1\.0"),
-    ],
-)
-def test_a_side_that_is_hardly_one_is_refused(length: float, message: str) -> None:
-    """Oracle: sides of 1e-9 of the size or more; below that, rounding alone makes one or takes it away."""
-
-    def stadium(side: float) -> Body:
-        return Body(1.0, 1.0, [Arc(0.5 * side, 0.0, 1.0, -math.pi), Arc(-0.5 * side, 0.0, 1.0, 0.0)])
-
-    with pytest.raises(ValueError, match=message):
-        stadium(length)
-    assert stadium(1.1e-9).record["side"][0, :2].tolist() == [2.0, 2.0]
-
-
-def test_the_flattest_arc_is_accepted_and_a_flatter_one_is_not() -> None:
-    """Oracle: a radius of 1e6 of the size: 0.5 m, for a rod of 1 m."""
-    for radius in (1e2, 1e4, 4.9e5):
-        body = Body(1.0, 1.0, bulged(rod(1.0, 1.0).arcs, 0, radius))
-        assert len(body.parts) == 4
-        assert body.size == pytest.approx(0.5, rel=1e-6)
-        assert body.lowest_support == pytest.approx(0.0, abs=1e-15 * radius)
-    with pytest.raises(ValueError, match=r"Body\.arcs\[1\]\.radius = 600000\.0: must be in \[0, 1e\+06 \* size\] = "):
-        Body(1.0, 1.0, bulged(rod(1.0, 1.0).arcs, 0, 6e5))
-
-
-@pytest.mark.parametrize("arcs", [None, 1.0, "arcs", b"arcs", {1.0}, object], ids=repr)
-def test_what_is_no_sequence_of_arcs_is_refused(arcs: Any) -> None:
-    """Oracle: the documented TypeError."""
-    with pytest.raises(TypeError, match=r"^Body\.arcs = .*: must be a sequence of arcs"):
-        Body(1.0, 1.0, arcs)
-
-
-@pytest.mark.parametrize(
-    ("arc", "message"),
-    [
-        ([0.0, 0.0, 1.0, 0.0], "must be an Arc"),
-        ((0.0, 0.0, 1.0), "must be an Arc"),
-        (None, "must be an Arc"),
-        (Arc(0.0, 0.0, 1.0, 0.0, part=1), "Body.arcs[0].part = 1: must be a word"),  # type: ignore[arg-type]
-        (Arc(0.0, 0.0, 1.0, 0.0, side=None), "Body.arcs[0].side = None: must be a word"),  # type: ignore[arg-type]
-        (Arc(0.0, 0.0, 1.0, 0.0, corner=1), "Body.arcs[0].corner = 1: must be True or False"),  # type: ignore[arg-type]
-    ],
-)
-def test_what_is_no_arc_is_refused(arc: Any, message: str) -> None:
-    """Oracle: the documented TypeError."""
-    with pytest.raises(TypeError, match=re.escape(message)):
-        Body(1.0, 1.0, [arc])
 
 
 # --- parts and records -----------------------------------------------------------------------------------------------
@@ -214,21 +110,6 @@ def test_a_corner_is_what_has_no_radius_or_is_said_to_be_one() -> None:
     assert Body(1.0, 1.0, arcs).record["corner"][0, :2].tolist() == [0.0, 1.0]
     assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.5, 0.0)]).record["corner"][0, 0] == 0.0
     assert Body(1.0, 1.0, [Arc(0.0, 0.0, 0.5, 0.0, corner=True)]).record["corner"][0, 0] == 1.0
-
-
-def test_an_arc_that_is_lowest_at_half_a_turn_is_listed_twice() -> None:
-    """Oracle: intervals from -pi to pi; a rod upright at phi = 0 has no boundary there."""
-    upright = Body(
-        1.0, 1.0, [Arc(0.0, -0.5, 0.0, -QUARTER, "low", "right"), Arc(0.0, 0.5, 0.0, QUARTER, "high", "left")]
-    )
-    record = upright.record[0]
-    assert record["count"] == 3.0
-    assert record["begin"][:3].tolist() == [-math.pi, -QUARTER, QUARTER]
-    assert record["along"][:3].tolist() == [0.5, -0.5, 0.5]
-    assert record["part"][:3].tolist() == [2.0, 1.0, 2.0]
-    assert record["side"][:3].tolist() == [4.0, 3.0, 4.0]
-    assert (record["low"][0], record["high"][0]) == (QUARTER - 2.0 * math.pi, -QUARTER)
-    assert rod(1.0, 1.0).record["count"] == 2.0
 
 
 @pytest.mark.parametrize("half_angle", [0.3, QUARTER, 2.0, math.pi])
@@ -277,50 +158,21 @@ def test_records_are_made_of_whatever_bodies_are_given_as() -> None:
 # --- segments --------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("radius", "eccentricity", "half_angle", "allowed"),
-    [
-        pytest.param(0.1, 0.11, math.pi, "[0.0, 0.1] m", id="disc"),
-        pytest.param(0.1, 0.11, 3.0, "[0.0, 0.1] m", id="below the arc"),
-        pytest.param(0.5, 0.2, 1.0, f"[{0.5 * math.cos(1.0)!r}, 0.5] m", id="beyond the chord"),
-        pytest.param(0.0, 0.4, math.pi, "[0.0, 0.0] m", id="one end of a rod"),
-        pytest.param(0.0, 0.4, 0.1, "[0.0, 0.0] m", id="both ends at one place"),
-    ],
-)
-def test_a_mass_centre_outside_a_segment_is_refused(
-    radius: float, eccentricity: float, half_angle: float, allowed: str
-) -> None:
-    """Oracle: the geometry; at some orientation it would lie below the lowest point of the outline."""
-    phi = np.linspace(-math.pi, math.pi, 1001)
-    shape = SimpleNamespace(radius=radius, eccentricity=eccentricity, half_angle=half_angle)
-    assert support(shape, phi).min() < 0.0
-    message = rf"\.eccentricity = {eccentricity}: must be in .* = {re.escape(allowed)}"
-    with pytest.raises(ValueError, match="^segment" + message):
-        segment(1.0, radius, eccentricity, 1e-3, half_angle)
-    with pytest.raises(ValueError, match=r"^lane 1" + message):
-        check_bodies("lane {lane}", np.array([[*SEGMENT.values()], [1.0, radius, eccentricity, 1e-3, half_angle]]))
-
-
 @given(st.floats(1e-3, 1e3), st.floats(1e-3, math.pi), st.floats(-0.5, 1.5))
 def test_just_those_segments_are_accepted_whose_mass_centre_never_passes_below_the_slope(
     radius: float, half_angle: float, share: float
 ) -> None:
     """Oracle: the lowest of the support heights over a fine grid, which holds the upright body and the chord."""
-    least = max(radius * math.cos(half_angle), 0.0)
+    least = radius * max(math.cos(half_angle), 0.0)
     eccentricity = least + share * (radius - least)
     assume(eccentricity >= 0.0)
     shape = SimpleNamespace(radius=radius, eccentricity=eccentricity, half_angle=half_angle)
     lowest = support(shape, np.linspace(-math.pi, math.pi, 401)).min()
     assume(abs(lowest) > 1e-14 * radius)
-    row = np.array([[1.0, radius, eccentricity, 1.0, half_angle]])
-    if lowest > 0.0:
-        assert segment(*row[0].tolist()).eccentricity == eccentricity
-        check_bodies("row", row)
-    else:
-        with pytest.raises(ValueError, match=r"segment\.eccentricity"):
-            segment(*row[0].tolist())
-        with pytest.raises(ValueError, match=r"row\.eccentricity"):
-            check_bodies("row", row)
+    row = [1.0, radius, eccentricity, 1.0, half_angle]
+    for make in (lambda: segment(*row), lambda: check_bodies("row", np.array([row]))):
+        with nullcontext() if lowest > 0.0 else pytest.raises(ValueError, match=r"(segment|row)\.eccentricity"):
+            make()
 
 
 @given(st.floats(1e-6, math.pi / 2), st.floats(1e-3, 1e3))
@@ -349,12 +201,10 @@ def test_no_segment_loses_digits(half_angle: float) -> None:
 
 
 def test_a_disc_is_uniform_unless_it_is_said_to_be_otherwise() -> None:
-    """Oracle: m r^2/2; where the mass centre is elsewhere the inertia cannot be guessed."""
+    """Oracle: m r^2/2."""
     assert disc(2.0, 0.5) == segment(2.0, 0.5, 0.0, 0.25)
     assert disc(2.0, 0.5, 0.1, 0.3) == segment(2.0, 0.5, 0.1, 0.3)
     assert disc(2.0, 0.5, 0.5, 0.3).lowest_support == 0.0
-    with pytest.raises(ValueError, match=r"disc\.inertia = None: must be given where the eccentricity is not 0"):
-        disc(2.0, 0.5, 0.1)
 
 
 def test_a_rod_lies_along_the_slope() -> None:
@@ -378,8 +228,6 @@ def test_a_thick_rod_has_half_circles_for_ends() -> None:
     assert (body.size, body.inertia, body.parts) == (1.2, 0.3, line.parts)
     for phi in np.linspace(-3.0, 3.0, 25).tolist():
         assert support_height(body, phi) == pytest.approx(support_height(line, phi) + 0.2, rel=1e-15)
-    with pytest.raises(ValueError, match=r"rod\.length = 0\.3: must be in \(thickness, inf\) = \(0\.4, inf\) m"):
-        rod(1.0, 0.3, 0.4)
 
 
 @pytest.mark.parametrize("rounding", [0.0, 0.2])
@@ -425,21 +273,7 @@ def test_a_rounded_polygon_touches_its_sides_from_within() -> None:
         assert support_height(body, phi) == pytest.approx(support_height(sharp, phi), rel=1e-15)
     assert body.size == pytest.approx(0.3 * math.sqrt(2.0) + 0.2, rel=1e-15)
     assert outline_of(body.arcs).sides == pytest.approx([0.6] * 4, rel=1e-14)
-    removed, off = (1.0 - math.pi / 4.0) * 0.04, 0.5
-    assert body.inertia < sharp.inertia - removed * off**2
-    with pytest.raises(ValueError, match=r"polygon\.rounding = 0\.5: must be in \[0, 0\.(5|49999999)"):
-        polygon(1.0, SQUARE, 0.5)
-
-
-def test_a_polygon_may_have_its_mass_centre_elsewhere() -> None:
-    """Oracle: the corners, told from there."""
-    body = polygon(1.0, SQUARE, inertia=0.4, centre=(0.25, 0.5))
-    assert sorted(arc[:2] for arc in body.arcs) == [(-0.25, -0.5), (-0.25, 0.5), (0.75, -0.5), (0.75, 0.5)]
-    assert (body.inertia, body.lowest_support) == (0.4, pytest.approx(0.25, rel=1e-15))
-    with pytest.raises(ValueError, match=r"polygon\.inertia = None: must be given where polygon\.centre is"):
-        polygon(1.0, SQUARE, centre=(0.25, 0.5))
-    with pytest.raises(ValueError, match=r"polygon\.centre = \(-0\.25, 0\.5\): must lie within the outline"):
-        polygon(1.0, SQUARE, inertia=0.4, centre=(-0.25, 0.5))
+    assert body.inertia < sharp.inertia - (1.0 - math.pi / 4.0) * 0.04 * 0.5**2  # without what is cut off
 
 
 def test_a_hull_may_have_its_mass_centre_elsewhere() -> None:
@@ -449,12 +283,6 @@ def test_a_hull_may_have_its_mass_centre_elsewhere() -> None:
     body = hull(3.0, moved, inertia=0.5, centre=(2.0, -1.5))
     same_bits(body.record, hull(3.0, circles, inertia=0.5, centre=(0.0, 0.0)).record)
     assert body.parts == ("circle 2", "circle 1", "circle 3", "side 2", "side 1", "side 3")
-    with pytest.raises(ValueError, match=r"hull\.inertia = None: must be given where hull\.centre is"):
-        hull(1.0, circles, centre=(0.0, 0.5))
-    with pytest.raises(ValueError, match=r"hull\.centre = \(-1\.0, 0\.5\): must lie within the outline"):
-        hull(1.0, circles, inertia=0.4, centre=(-1.0, 0.5))
-    with pytest.raises(ValueError, match=r"hull\.centre = None: must be given where the outline has no area"):
-        hull(1.0, [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)])
 
 
 def test_a_hull_is_uniform_unless_its_inertia_is_given() -> None:
@@ -495,67 +323,6 @@ def test_of_too_many_corners_the_message_tells_which_will_do(excess: int) -> Non
         assert f"{depth:.2g}" == f"{farthest:.2g}"
 
 
-def test_a_hull_may_be_of_more_circles_than_there_are_arcs() -> None:
-    """Oracle: the polygon of its outermost corners; all others lie within."""
-    rng = np.random.default_rng(1)
-    within = np.column_stack([rng.uniform(0.1, 0.9, (50, 2)), np.zeros(50)])
-    corners = [(*map(float, point), 0.0) for point in SQUARE]
-    assert [arc.part for arc in hull(1.0, [*within.tolist(), *corners]).arcs] == [
-        f"circle {51 + SQUARE.index(point)}" for point in ((1, 1), (1, 0), (0, 0), (0, 1))
-    ]
-
-
-@pytest.mark.parametrize(
-    ("points", "message"),
-    [
-        pytest.param(SQUARE[:2], f"polygon.points has 2 rows: must have 3 to {MOST_ARCS}", id="a line"),
-        pytest.param(
-            [(0, 0), (1, 0), (2, 0), (1, 1)], "polygon.points[1] = [1.0, 0.0]: the polygon must be", id="straight"
-        ),
-        pytest.param([(0, 0), (2, 0), (1, 0.5), (2, 2)], "polygon.points[2]", id="a notch"),
-        pytest.param([SQUARE[k] for k in (0, 2, 1, 3)], "must be strictly convex", id="crossing"),
-        pytest.param(
-            [(math.sin(0.8 * math.pi * k), math.cos(0.8 * math.pi * k)) for k in range(5)],
-            "once around",
-            id="pentagram",
-        ),
-        pytest.param([*SQUARE, SQUARE[3]], f"polygon.points[3] = {[*map(float, SQUARE[3])]}: must differ", id="twice"),
-        pytest.param([*SQUARE, SQUARE[0]], "must differ from the next one; the last joins the first", id="closed"),
-        pytest.param([[0.0, 0.0, 0.0]], "polygon.points has shape (1, 3): must be (N, 2)", id="spatial"),
-        pytest.param([(0, 0), (1, 0), (1, math.nan)], "polygon.points[2] = nan: must be in [-1e+50, 1e+50]", id="nan"),
-        pytest.param(
-            [(math.sin(k), math.cos(k)) for k in np.arange(MOST_ARCS + 1) * 2.0 * math.pi / (MOST_ARCS + 1.0)],
-            f"polygon.points has {MOST_ARCS + 1} rows",
-            id="many",
-        ),
-    ],
-)
-def test_a_polygon_that_is_not_convex_is_refused(points: Any, message: str) -> None:
-    """Oracle: at each corner the outline turns the same way, and once around in all."""
-    with pytest.raises(ValueError, match=re.escape(message)):
-        polygon(1.0, points)
-
-
-def test_tables_and_names_of_other_kinds_are_refused() -> None:
-    """Oracle: the documented errors."""
-    with pytest.raises(TypeError, match=r"polygon\.points holds <U1: must hold numbers"):
-        polygon(1.0, [("a", "b")])
-    with pytest.raises(TypeError, match=r"hull\.circles = \[\(0.0, 0.0, 1.0\), \(0.0,\)\]: must be numbers"):
-        hull(1.0, [(0.0, 0.0, 1.0), (0.0,)])
-    with pytest.raises(ValueError, match=r"hull\.circles\[1\]\.radius = -1\.0: must be 0 or in \[1e-50"):
-        hull(1.0, [(0.0, 0.0, 1.0), (0.0, 0.0, -1.0)])
-    with pytest.raises(ValueError, match=r"hull\.circles has shape \(0,\): must be \(N, 3\)"):
-        hull(1.0, [])
-    with pytest.raises(ValueError, match=r"hull\.parts has 1 names: must have 2"):
-        hull(1.0, [(0.0, 0.0, 1.0), (1.0, 0.0, 1.0)], ["a"])
-    with pytest.raises(TypeError, match=r"polygon\.sides = 'abcd': must be a sequence of names"):
-        polygon(1.0, SQUARE, sides="abcd")
-    with pytest.raises(ValueError, match=r"polygon\.sides\[2\] = '': must have a letter"):
-        polygon(1.0, SQUARE, sides=["a", "b", "", "d"])
-    with pytest.raises(TypeError, match=r"polygon\.parts = \[1, 2, 3, 4\]: must be a sequence of names"):
-        polygon(1.0, SQUARE, parts=[1, 2, 3, 4])  # type: ignore[list-item]
-
-
 def test_a_lamina_has_its_mass_centre_in_its_middle() -> None:
     """Oracle: ``circular_segment``, of the same outline told from the middle of its chord."""
     body = lamina(2.0, bulged(rod(1.0, 1.0).arcs, 0, 0.6))
@@ -563,9 +330,3 @@ def test_a_lamina_has_its_mass_centre_in_its_middle() -> None:
     assert body.inertia == pytest.approx(same.inertia, rel=1e-14)
     for arc, other in zip(body.arcs, same.arcs, strict=True):
         assert arc[:4] == pytest.approx(other[:4], abs=1e-15)
-
-
-def test_a_needle_has_no_room_for_rounding():
-    """A corner of some 1e-9 rad turns by pi in floating point: no radius is left, and no division by zero is told."""
-    with pytest.raises(ValueError, match=re.escape("polygon.rounding = 0.1: must be in [0, 0.0) m")):
-        polygon(1.0, [(1, 0), (0, 1), (-1, 0), (0, -1e9)], 0.1)

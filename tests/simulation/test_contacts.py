@@ -5,13 +5,12 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import pandas as pd
 import pytest
 
-from sledenv.kernel.records import CONTACT_FORCES, MOST_CONTACTS
+from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.plot.trajectories import by_label, touches_in
 from sledenv.simulation.bodies import segment
-from sledenv.simulation.outcomes import Descent, contacts_in, ground_name
+from sledenv.simulation.outcomes import Descent, ground_name
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.shapes import polygon
@@ -92,16 +91,6 @@ def test_the_penetration_of_each_contact_gives_its_force() -> None:
         moving = np.abs(touches.gap_rate) > 1e-6
         expected = LAW.stiffness * (1.0 + LAW.asymmetry * sign) * touches.depth
         assert touches.forces["normal"][moving] == pytest.approx(expected[moving], rel=1e-6, abs=1e-3)
-
-
-def test_a_table_of_contacts_is_one_for_pandas() -> None:
-    """Oracle: the rows of the trajectory, grouped."""
-    descent = descents()[0]
-    table = pd.DataFrame(descent.contacts)
-    assert list(table) == ["t", "row", *(CONTACT_FORCES.names or ())]
-    normal = table.groupby("row")["normal"].sum()
-    assert normal.to_numpy() == pytest.approx(descent.trajectory["normal"][descent.trajectory["touching"] > 0])
-    assert len(contacts_in(descent.trajectory[:1])) == 0
 
 
 def test_curves_of_contacts_bear_the_names_of_what_touches() -> None:

@@ -111,24 +111,16 @@ def test_a_finer_cut_is_told_of(radius: float, within: float) -> None:
         assert [warning.filename for warning in caught] == [__file__]
 
 
-def test_a_lane_is_named() -> None:
-    """Oracle: the second of three slopes, the third of four bodies."""
-    turn = turn_for(0.5, 3.0, 0.3)
-    slopes = [Slope(0.0), Slope(0.0, profile=hollow(3.0, turn)), Slope(0.0, profile=hollow(3.0, turn))]
-    with pytest.warns(UserWarning, match=r"^slope\[1\]\.profile .* presses body\[1\] "):
-        simulate_batch(sledenv.disc(MASS, 0.3), LAW, slopes, [State(0.0, 0.4, 0.0)] * 3, max_time=0.01)
-    light, heavy = sledenv.disc(0.1 * MASS, 0.3), sledenv.disc(MASS, 0.3)
-    with pytest.warns(UserWarning, match=r"presses body\[2\] "):
-        simulate_batch([light, light, heavy, light], LAW, slopes[1], [State(0.0, 0.4, 0.0)] * 4, max_time=0.01)
-
-
-def test_a_soft_zone_counts() -> None:
-    """Oracle: the same body on a softer spring."""
+def test_a_lane_is_named_and_a_soft_zone_counts() -> None:
+    """Oracle: the third of four bodies; the second of two slopes, whose second zone is softer."""
+    light, heavy, launch = sledenv.disc(0.1 * MASS, 0.3), sledenv.disc(MASS, 0.3), State(0.0, 0.4, 0.0)
+    slope = Slope(0.0, profile=hollow(3.0, turn_for(0.5, 3.0, 0.3)))
+    with pytest.warns(UserWarning, match=r"^slope\[2\]\.profile .* presses body\[2\] "):
+        simulate_batch([light, light, heavy, light], LAW, [slope] * 4, [launch] * 4, max_time=0.01)
     zones = [sledenv.Zone(0.0, 1.0, 0.1, 0.0), sledenv.Zone(1.0, 2.0, 0.1, 0.0, stiffness=0.1 * STIFFNESS)]
-    slope = Slope(0.0, profile=hollow(3.0, turn_for(2.0, 3.0, 0.3)), zones=zones)
-    simulate(sledenv.disc(MASS, 0.3), LAW, slope._replace(zones=zones[:1]), State(0.0, 0.4, 0.0), max_time=0.01)
-    with pytest.warns(UserWarning, match="too finely"):
-        simulate(sledenv.disc(MASS, 0.3), LAW, slope, State(0.0, 0.4, 0.0), max_time=0.01)
+    coarse = Slope(0.0, profile=hollow(3.0, turn_for(2.0, 3.0, 0.3)), zones=zones[:1])
+    with pytest.warns(UserWarning, match=r"^slope\[1\]\.profile .* presses body\[1\] "):
+        simulate_batch(heavy, LAW, [coarse, coarse._replace(zones=zones)], [launch] * 2, max_time=0.01)
 
 
 def obvious(body: Body, law: ContactLaw, profile: Sequence[tuple[float, float]]) -> bool:
@@ -186,13 +178,6 @@ def test_many_lanes_are_looked_at_as_each_alone() -> None:
 # Who is not told.
 
 
-def test_noise_is_not_too_fine() -> None:
-    """Oracle: a sled over level ground surveyed each 0.2 m with an error of 2 mm lies on few vertices."""
-    x = np.arange(0.0, 200.0, 0.2)
-    y = np.random.default_rng(2).normal(0.0, 0.002, len(x))
-    simulate(sledenv.sled(), LAW._replace(stiffness=1e7), Slope(0.1, profile=np.column_stack([x, y])), State(0, 2, 0))
-
-
 @pytest.mark.parametrize("name", scenario_names())
 def test_shipped_scenarios_are_not_too_fine(name: str) -> None:
     """Oracle: warnings are errors; their bumps have few vertices."""
@@ -201,8 +186,11 @@ def test_shipped_scenarios_are_not_too_fine(name: str) -> None:
     assert too_fine(scenario.scenes(contexts)) is None
 
 
-def test_a_fitted_ground_is_not_too_fine() -> None:
-    """Oracle: the remedy that the warning names; a hill surveyed each 0.1 m."""
+def test_noise_and_a_fitted_ground_are_not_too_fine() -> None:
+    """Oracle: a sled over level ground surveyed each 0.2 m with an error of 2 mm, or the remedy of the warning."""
+    x, law = np.arange(0.0, 200.0, 0.2), LAW._replace(stiffness=1e7)
+    noise = np.column_stack([x, np.random.default_rng(2).normal(0.0, 0.002, len(x))])
+    simulate(sledenv.sled(), law, Slope(0.1, profile=noise), State(0, 2, 0), max_time=0.01)
     x = np.arange(0.0, 60.0, 0.1)
     survey = np.column_stack([x, 0.5 * np.sin(x / 6.0)])
     with pytest.warns(UserWarning, match="too finely"):

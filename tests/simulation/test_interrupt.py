@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import textwrap
 from collections.abc import Callable
 from typing import Any
 
@@ -26,7 +25,7 @@ SEGMENT = circular_segment(100.0, 0.5, math.radians(100.0))
 LAW = ContactLaw(1e6, 0.5, 0.1, 1e-3)
 INCLINE = Slope(math.radians(10.0), 8.0)
 LAUNCH = State(0.0, 0.2, 0.4, 1.0, -1.0, 3.0)
-SPINNING = segment(1.0, 1e5, 1e5, 3e-3, 1e-6)  # nearly a line of .2 m
+SPINNING = segment(1.0, 1e5, 1e5, 3e-3, 1e-6)  # nearly a line of 0.2 m
 
 # Bounces and rolling; both corners, bouncing and sliding; searches for the touchdown of thousands of steps: the body
 # spins in reach of the slope, and the curvature of its gap is bounded by the far centre of its arc.
@@ -35,10 +34,7 @@ CASES: dict[str, tuple[Any, ...]] = {
     "chord": (SEGMENT, ContactLaw(1e7, 0.3, 0.05, 1e-3), Slope(0.05, 5.0), State(0, 0.8, math.pi - 0.05, 1, -1, 0.1)),
     "search": (SPINNING, LAW, Slope(0.0, 1.0, 0.0), State(0.0, 0.0999, 0.0, 2.0, -5e-4, 500.0)),
 }
-OPTIONS: dict[str, dict[str, Any]] = {
-    "compliant": {"solver": "compliant"},
-    "rigid": {"solver": "rigid"},
-}
+SOLVERS = ("compliant", "rigid")
 
 
 def same(one: Descent, other: Descent) -> None:
@@ -76,27 +72,18 @@ def counted(monkeypatch: pytest.MonkeyPatch, most: float = math.inf) -> list[tup
     return calls
 
 
-# Each solver with each case, and with rows of a trajectory in every other pair.
-@pytest.mark.parametrize(
-    ("solver", "name", "record"),
-    [
-        (solver, name, {"record": "trajectory", "sample_interval": 2e-3} if (i + k) % 2 else {})
-        for i, solver in enumerate(OPTIONS)
-        for k, name in enumerate(CASES)
-    ],
-)
-def test_a_descent_in_many_calls_is_that_in_one(
-    solver: str, name: str, record: dict[str, Any], monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.mark.parametrize("solver", SOLVERS)
+@pytest.mark.parametrize("name", CASES)
+def test_a_descent_in_many_calls_is_that_in_one(solver: Any, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the same descent in one call, bit for bit; a call ends with the hop in which it has done its share."""
-    options = OPTIONS[solver] | record
+    settings = Settings(solver, sample_interval=2e-3)
     set_work(monkeypatch, 1e18)
-    whole = simulate(*CASES[name], **options)
+    whole = simulate(*CASES[name], settings, record="trajectory")
     calls = counted(monkeypatch)
     for work in (1.0, 30.0):
         set_work(monkeypatch, work)
         calls.clear()
-        same(simulate(*CASES[name], **options), whole)
+        same(simulate(*CASES[name], settings, record="trajectory"), whole)
         assert len(calls) > 1 or work > 1.0
 
 
@@ -138,77 +125,57 @@ def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.Mo
     same(ride.run(), whole)
 
 
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_a_batch_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_batch_in_many_calls_is_that_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: the batch in one call, bit for bit, with its logs; a call does not end it."""
     launches = np.tile(LAUNCH, (40, 1))
     launches[:, 5] += np.linspace(-1.0, 1.0, 40)
-    settings = Settings(solver, max_rebounds=12)
     set_work(monkeypatch, 1e18)
-    whole = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
+    whole = simulate_batch(DISC, LAW, INCLINE, launches, max_rebounds=12, keep_rebounds=True)
     calls = counted(monkeypatch)
     for work in (1.0, 100.0):  # of a block of lanes
         set_work(monkeypatch, work)
         calls.clear()
-        batch = simulate_batch(DISC, LAW, INCLINE, launches, settings, keep_rebounds=True)
+        batch = simulate_batch(DISC, LAW, INCLINE, launches, max_rebounds=12, keep_rebounds=True)
         same_bits(batch.outcomes, whole.outcomes)
         same_bits(batch.rebounds, whole.rebounds)
         assert len(calls) > 4
 
 
-ENDLESS = {
-    "euler": "sledenv.reproduce.euler_descent(*given, step=1e-12)",
-    "rigid": "sledenv.simulate(*given, solver='rigid', max_rebounds=10**5, max_time=1e9)",
-}
+PROGRAM = """
+import signal, sledenv
+from sledenv.simulation import lanes, settings
+
+class Counted:
+    calls, entry = 0, lanes.run_lanes
+
+    def prepared(self, *arguments):
+        run = self.entry.prepared(*arguments)
+
+        def counted(*numbers):
+            Counted.calls += 1
+            if Counted.calls == 3:
+                print("simulating", flush=True)
+            if Counted.calls > 10_000:
+                raise SystemExit("nobody has interrupted this")
+            run(*numbers)
+        return counted
+
+signal.signal(signal.SIGINT, signal.default_int_handler)
+settings.WORK, lanes.run_lanes = 1e4, Counted()
+body, law = sledenv.segment(1.0, 0.1, 0.0, 5e-3), sledenv.ContactLaw(1e6, 0.0, 0.0, 0.0)
+try:
+    while True:
+        given = body, law, sledenv.Slope(0.0), sledenv.State(0.0, 0.2, 0.0)
+        sledenv.simulate(*given, solver="rigid", max_rebounds=10**5, max_time=1e9)
+except KeyboardInterrupt:
+    print("interrupted", flush=True)
+"""
 
 
 @pytest.mark.skipif(os.name == "nt", reason="there is no SIGINT for one process")
-@pytest.mark.parametrize("name", ENDLESS)
-def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
+def test_ctrl_c_ends_a_simulation_that_would_take_hours() -> None:
     """Oracle: KeyboardInterrupt, in a process that gets SIGINT while it simulates."""
-    program = f"""
-    import signal, sledenv.reproduce
-    from sledenv.reproduce import euler
-    from sledenv.simulation import lanes, settings
-
-    calls = []
-
-    def count():
-        calls.append(None)
-        if len(calls) == 3:
-            print("simulating", flush=True)
-        if len(calls) > 10_000:
-            raise SystemExit("nobody has interrupted this")
-
-    class Counted:
-        def __init__(self, entry):
-            self.entry = entry
-
-        def prepared(self, *arguments):
-            run = self.entry.prepared(*arguments)
-
-            def counted(*numbers):
-                count()
-                run(*numbers)
-            return counted
-
-    def counted_steps(*arguments, follow=euler._follow):
-        count()
-        follow(*arguments)
-
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    settings.WORK, euler._STEPS, euler._follow = 1e4, 10**5, counted_steps
-    lanes.run_lanes = Counted(lanes.run_lanes)
-    body, law = sledenv.segment(1.0, 0.1, 0.0, 5e-3), sledenv.ContactLaw(1e6, 0.0, 0.0, 0.0)
-    given = body, law, sledenv.Slope(0.0), sledenv.State(0.0, 0.2, 0.0)
-    try:
-        while True:
-            {ENDLESS[name]}
-    except KeyboardInterrupt:
-        print("interrupted", flush=True)
-    """
-    command = [sys.executable, "-c", textwrap.dedent(program)]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+    with subprocess.Popen([sys.executable, "-c", PROGRAM], stdout=subprocess.PIPE, text=True) as process:
         assert process.stdout is not None
         try:
             assert process.stdout.readline() == "simulating\n"
@@ -216,5 +183,4 @@ def test_ctrl_c_ends_a_simulation_that_would_take_hours(name: str) -> None:
             told, _ = process.communicate(timeout=600.0)
         finally:
             process.kill()
-    assert told == "interrupted\n"
-    assert process.returncode == 0
+    assert (told, process.returncode) == ("interrupted\n", 0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -25,10 +26,9 @@ from sledenv.simulation.outlines import (
     shifted,
     sines_and_cosines,
 )
-from sledenv.simulation.shapes import circular_segment, disc, hull, polygon, rod
+from sledenv.simulation.shapes import hull, polygon, rod
 
 TURN = 2.0 * math.pi
-HALF_ANGLES = [1e-4, 0.1, 0.299, 0.3, 1.0, math.pi / 2, 1.92, 3.0, math.pi]
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -216,7 +216,7 @@ def test_a_hull_leaves_out_what_lies_within_it() -> None:
     """Oracle: a square; its middle, a point on a side, a second corner and circles within do not count."""
     square = [(1.0, 1.0, 0.0), (1.0, -1.0, 0.0), (-1.0, -1.0, 0.0), (-1.0, 1.0, 0.0)]
     others = [(0.0, 0.0, 0.0), (1.0, 0.25, 0.0), (1.0, 1.0, 0.0), (0.2, 0.3, 0.4), (0.0, -0.5, 0.5)]
-    body = hull(1.0, [*others[:2], *square, *others[2:]], list("..abcd..."), inertia=1.0, centre=(0.0, 0.0))
+    body = hull(1.0, [*others[:2], *square, *20 * others[2:]], [*"..abcd", *60 * "."], inertia=1.0, centre=(0.0, 0.0))
     assert [arc.part for arc in body.arcs] == ["a", "b", "c", "d"]
     assert [arc.begin for arc in body.arcs] == [-math.pi, -0.5 * math.pi, 0.0, 0.5 * math.pi]
 
@@ -234,10 +234,10 @@ def test_a_circle_may_be_twice_on_a_hull() -> None:
 @pytest.mark.parametrize(
     ("circles", "parts"),
     [
-        pytest.param([(0.0, 0.0, 0.3)], "a", id="one"),
-        pytest.param([(0.0, 0.0, 0.3), (0.1, 0.1, 0.1)], "ab", id="one holds the other"),
-        pytest.param([(0.0, 0.1, 0.2), (0.0, 0.0, 0.3)], "ba", id="they touch from within"),
-        pytest.param([(0.0, 0.0, 0.3), (0.0, 0.0, 0.3)], "ab", id="equal"),
+        ([(0.0, 0.0, 0.3)], "a"),
+        ([(0.0, 0.0, 0.3), (0.1, 0.1, 0.1)], "ab"),
+        ([(0.0, 0.1, 0.2), (0.0, 0.0, 0.3)], "ba"),  # they touch from within
+        ([(0.0, 0.0, 0.3), (0.0, 0.0, 0.3)], "ab"),
     ],
 )
 def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: str) -> None:
@@ -262,13 +262,6 @@ def test_fewer_circles_say_how_far_their_hull_lies_within_that_of_all() -> None:
 # --- arcs in place of sides ------------------------------------------------------------------------------------------
 
 
-def test_a_hull_of_numbers_without_squares_is_refused() -> None:
-    """Oracle: the message; angles of sides cannot be told where squares vanish."""
-    far = 5e-324
-    with pytest.raises(ValueError, match=r"circles: no hull can be told of them, the largest of their numbers being"):
-        hull(1.0, [(0.0, 0.0, 0.0), (far, 0.0, 0.0), (0.0, far, 0.0), (far, far, 0.0)])
-
-
 @pytest.mark.parametrize("radius", [0.51, 0.7, 3.0, 1e4])
 def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
     """Oracle: ``segment`` with half the rod as sine of its half-angle."""
@@ -280,45 +273,12 @@ def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
         assert arc[:4] == pytest.approx(other[:4], abs=2e-15 * radius)
 
 
-HEXAGON = polygon(1.0, [(math.cos(k * math.pi / 3.0), math.sin(k * math.pi / 3.0)) for k in range(6)])
-
-
-@pytest.mark.parametrize(
-    ("body", "k", "radius"),
-    [
-        pytest.param(rod(1.0, 1.0), 0, 0.4, id="shorter than half the side"),
-        pytest.param(rod(1.0, 1.0), 0, 0.0, id="a corner"),
-        pytest.param(HEXAGON, 0, 0.55, id="beyond the next sides"),
-        pytest.param(rod(1.0, 1.0), 2, 1.0, id="no such side"),
-        pytest.param(rod(1.0, 1.0), -1, 1.0, id="none is counted from the end"),
-        pytest.param(disc(1.0, 1.0), 0, 1.0, id="no side"),
-    ],
-)
-def test_an_arc_that_cannot_take_the_place_of_a_side_is_refused(body: Body, k: int, radius: float) -> None:
-    """Oracle: the arc turns by less than its neighbours, and there is a side."""
-    with pytest.raises(ValueError, match=r"too small to join|no straight side follows"):
-        bulged(body.arcs, k, radius)
-
-
 # --- areas -----------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("half_angle", HALF_ANGLES)
-def test_the_area_of_a_segment_has_the_moments_of_its_closed_form(half_angle: float) -> None:
-    """Oracle: ``circular_segment``, whose mass centre is the origin, and alpha - sin(alpha) cos(alpha)."""
-    body = circular_segment(2.0, 0.7, half_angle)
-    area, centre, inertia = mass_properties(body.arcs)
-    with mp.workdps(40):
-        alpha = mpf(half_angle)
-        expected = float(mpf(0.7) ** 2 * (alpha - mp.sin(alpha) * mp.cos(alpha)))
-    assert area == pytest.approx(expected, rel=2e-15)
-    assert centre == pytest.approx((0.0, 0.0), abs=3e-15)
-    assert 2.0 * inertia == pytest.approx(body.inertia, rel=2e-14)
-
-
-@pytest.mark.parametrize("radius", [1.0, 1e2, 1e4, 1e6])
-def test_a_flat_arc_costs_no_digits(radius: float) -> None:
-    """Oracle: the closed form of the segment in 60 digits; what is left is the rounding of where the centre is."""
+@pytest.mark.parametrize("radius", [0.51, 1.0, 1e2, 1e4, 1e6])
+def test_the_area_of_a_segment_has_the_moments_of_its_closed_form(radius: float) -> None:
+    """Oracle: the closed form in 60 digits; what is left is the rounding of where the centre is."""
     arcs = bulged(rod(1.0, 1.0).arcs, 0, radius)
     area, (x, y), inertia = mass_properties(arcs)
     with mp.workdps(60):
@@ -329,44 +289,29 @@ def test_a_flat_arc_costs_no_digits(radius: float) -> None:
         about_centre = r**2 / 2 * (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * part)) - low**2
         expected = float(r**2 * part), float(r * mp.cos(alpha) - low), float(about_centre)
     assert (area, y, inertia) == pytest.approx(expected, rel=1e-14 + 1e-15 * radius)
-    assert x == pytest.approx(0.0, abs=1e-16 * radius)
+    assert x == pytest.approx(0.0, abs=1e-16 * max(radius, 1.0))
 
 
 def test_simple_outlines_have_the_moments_of_textbooks() -> None:
-    """Oracle: square d^2/6, board (a^2 + b^2)/12, disc r^2/2; half disc r^2 (1/2 - 16/(9 pi^2)), 4 r/(3 pi) off."""
+    """Oracle: square d^2/6, board (a^2 + b^2)/12, disc r^2/2; a stadium by Steiner's theorem, with its half discs."""
+
+    def near(area: float, centre: tuple[float, float], inertia: float) -> tuple[Any, ...]:
+        return pytest.approx(area, rel=1e-15), pytest.approx(centre, abs=1e-15), pytest.approx(inertia, rel=1e-14)
+
     square = polygon(3.0, [(0, 0), (2, 0), (2, 2), (0, 2)])
-    assert mass_properties(square.arcs) == (4.0, (0.0, 0.0), pytest.approx(4.0 / 6.0, rel=1e-15))
+    assert mass_properties(square.arcs) == near(4.0, (0.0, 0.0), 4.0 / 6.0)
     assert square.inertia == pytest.approx(3.0 * 4.0 / 6.0, rel=1e-15)
-    board = mass_properties(polygon(1.0, [(1, 1), (1, 2), (4, 2), (4, 1)]).arcs)
-    assert board == (3.0, pytest.approx((0.0, 0.0), abs=1e-15), pytest.approx(10.0 / 12.0, rel=1e-15))
-    assert mass_properties([Arc(3.0, -1.0, 2.0, 0.0)]) == (
-        pytest.approx(4.0 * math.pi, rel=1e-15),
-        pytest.approx((3.0, -1.0), rel=1e-15),
-        pytest.approx(2.0, rel=1e-15),
-    )
-    half = bulged(rod(1.0, 2.0).arcs, 0, 1.0)
-    area, centre, inertia = mass_properties(half)
-    assert area == pytest.approx(0.5 * math.pi, rel=1e-15)
-    assert centre == pytest.approx((0.0, -4.0 / (3.0 * math.pi)), rel=1e-15, abs=1e-16)
-    assert inertia == pytest.approx(0.5 - 16.0 / (9.0 * math.pi**2), rel=1e-14)
-
-
-def test_a_stadium_is_a_board_and_two_half_discs() -> None:
-    """Oracle: Steiner's theorem."""
-    length, r = 3.0, 0.4
-    straight, half_disc = length - 2.0 * r, 0.5 * math.pi * r**2
-    board = 2.0 * r * straight
-    off = 4.0 * r / (3.0 * math.pi)
-    own = r**2 * (0.5 - 16.0 / (9.0 * math.pi**2))
-    total = board + 2.0 * half_disc
+    assert mass_properties(polygon(1.0, [(1, 1), (1, 2), (4, 2), (4, 1)]).arcs) == near(3.0, (0.0, 0.0), 10.0 / 12.0)
+    assert mass_properties([Arc(3.0, -1.0, 2.0, 0.0)]) == near(4.0 * math.pi, (3.0, -1.0), 2.0)
+    straight, r = 2.2, 0.4
+    board, half_disc, off = 2.0 * r * straight, 0.5 * math.pi * r**2, 4.0 * r / (3.0 * math.pi)
+    own, total = r**2 * (0.5 - 16.0 / (9.0 * math.pi**2)), board + 2.0 * half_disc
     moment = board * (straight**2 + 4.0 * r**2) / 12.0 + 2.0 * half_disc * (own + (0.5 * straight + off) ** 2)
-    body = rod(2.0, length, 2.0 * r)
-    assert mass_properties(body.arcs) == (
-        pytest.approx(total, rel=1e-15),
-        pytest.approx((0.0, 0.0), abs=1e-15),
-        pytest.approx(moment / total, rel=1e-14),
-    )
-    assert body.inertia == pytest.approx(2.0 * moment / total, rel=1e-14)
+    stadium = rod(2.0, straight + 2.0 * r, 2.0 * r)
+    assert mass_properties(stadium.arcs) == near(total, (0.0, 0.0), moment / total)
+    assert stadium.inertia == pytest.approx(2.0 * moment / total, rel=1e-14)
+    with pytest.raises(ValueError, match=r"arcs have an area of 0\.0 m\^2: must be > 0"):
+        mass_properties(rod(1.0, 1.0).arcs)
 
 
 @example(122775)  # a micrometre thick
@@ -388,12 +333,6 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
     assert area == pytest.approx(cross.sum(), rel=1e-5)
     assert centre == pytest.approx(middle, abs=noise * body.size)
     assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)
-
-
-def test_an_outline_without_an_area_has_no_moments() -> None:
-    """Oracle: a line."""
-    with pytest.raises(ValueError, match=r"arcs have an area of 0\.0 m\^2: must be > 0"):
-        mass_properties(rod(1.0, 1.0).arcs)
 
 
 # --- angles ----------------------------------------------------------------------------------------------------------

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import numpy as np
 import pytest
@@ -92,63 +91,31 @@ def test_any_body_in_any_orientation_agrees_with_exact_fractions(hypothesis: Hyp
 
 
 def test_phases_follow_each_other_and_add_up() -> None:
-    for body, law, state, e in random_entries(60, seed=3):
-        result = rigid_impact(body, law, state, restitution=e)
-        reached = 0.0
+    """Oracle: where each ends; some of these bodies reverse both slip and spin."""
+    modes = set()
+    for body, law, state, e in random_entries(300, seed=6):
+        result, reached = rigid_impact(body, law, state, restitution=e), 0.0
+        modes.add(result.mode)
         for phase in result.phases:
             assert phase.start == pytest.approx(reached, rel=1e-15, abs=0.0)
             assert phase.impulse > 0.0
             assert {phase.slip, phase.spin} <= {-1, 0, 1}
             reached = phase.start + phase.impulse
         assert result.normal_impulse == pytest.approx(reached, rel=1e-15, abs=0.0)
-        if result.phases:
-            assert not result.phases[0].restitution
-            assert result.phases[-1].restitution
-
-
-def test_the_restitution_is_that_of_the_law_unless_given() -> None:
-    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.01)
-    own = rigid_impact(PAPER_BODY, law, PAPER_STATE)
-    same = rigid_impact(PAPER_BODY, law._replace(asymmetry=0.1), PAPER_STATE, restitution=law.restitution)
-    plastic = rigid_impact(PAPER_BODY, law, PAPER_STATE, restitution=0.0)
-    assert own == same
-    assert own.normal_impulse > plastic.normal_impulse
-    assert not any(phase.restitution for phase in plastic.phases)
-
-
-def test_an_eccentric_body_can_reverse_both_slip_and_spin() -> None:
-    modes = {rigid_impact(*entry[:3], restitution=entry[3]).mode for entry in random_entries(300, seed=6)}
+        assert [phase.restitution for phase in result.phases[:1] + result.phases[1:][-1:]] in ([], [False, True])
     assert Mode.DOUBLE_REVERSAL in modes
 
 
+def test_the_restitution_is_that_of_the_law_unless_given() -> None:
+    """Oracle: the same number given; a plastic impact has no phase of restitution."""
+    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.01)
+    same = rigid_impact(PAPER_BODY, law._replace(asymmetry=0.1), PAPER_STATE, restitution=law.restitution)
+    assert rigid_impact(PAPER_BODY, law, PAPER_STATE) == same
+    plastic = rigid_impact(PAPER_BODY, law, PAPER_STATE, restitution=0.0)
+    assert not any(phase.restitution for phase in plastic.phases)
+
+
 # --- refusals --------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("options", "error", "message"),
-    [
-        ({"restitution": 1.5}, ValueError, r"restitution = 1\.5: must be in \[0, 1\]"),
-        ({"restitution": -0.1}, ValueError, r"restitution = -0\.1: must be in \[0, 1\]"),
-        ({"restitution": math.nan}, ValueError, "restitution = nan"),
-        ({"restitution": "much"}, TypeError, "restitution = 'much': must be a number"),
-        ({"hypothesis": "hertz"}, ValueError, "hypothesis = 'hertz': must be one of 'energetic', 'poisson', 'newton'"),
-    ],
-)
-def test_bad_options_are_named(options: dict, error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        rigid_impact(PAPER_BODY, PAPER_LAW, PAPER_STATE, **options)
-
-
-@pytest.mark.parametrize(
-    ("changed", "message"),
-    [
-        ((PAPER_BODY, (1.0, 0.5, -0.1, 0.0, 0.0), PAPER_STATE), r"ContactLaw\.friction = -0\.1"),
-        ((PAPER_BODY, PAPER_LAW, (0.0, 0.0, math.inf, 0.0, -1.0, 0.0)), r"State\.phi = inf"),
-    ],
-)
-def test_plain_tuples_are_checked_like_the_named_ones(changed: tuple, message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        rigid_impact(*changed)
 
 
 BLOCK = polygon(20.0, [(0.0, 0.0), (0.6, 0.0), (0.6, 0.4), (0.0, 0.4)])
@@ -169,12 +136,6 @@ def test_a_body_that_comes_down_flat_is_refused_and_one_that_is_turned_by_little
     assert rigid_impact(body, PAPER_LAW, rises).state == rises  # no point approaches
     for turn in (-1e-3, 1e-3):
         assert rigid_impact(body, PAPER_LAW, State(0.0, 0.0, flat + turn, 0.0, -1.0, omega)).phases
-
-
-@pytest.mark.parametrize("body", [(1.0, 0.1, 0.05, 7.5e-3, math.pi), PAPER_LAW, [PAPER_BODY], None], ids=repr)
-def test_what_is_no_body_is_refused(body: Any) -> None:
-    with pytest.raises(TypeError, match=r"^body = .*: must be a Body, such as segment\(...\) or polygon"):
-        rigid_impact(body, PAPER_LAW, PAPER_STATE)
 
 
 @pytest.mark.parametrize("hypothesis", ["energetic", "poisson", "newton"])

@@ -103,8 +103,3 @@ def test_a_sliding_block_stops_in_the_run_out() -> None:
     assert descent.at_line == pytest.approx((2.0 * 6.0 / (3.0 + speed), speed), rel=1e-10)
     assert descent.status == "finish"
     assert descent.state.x == 106.0
-
-
-def test_bad_run_outs_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"Settings.run_out = -1.0: must be in \[0, inf\) m"):
-        Settings(run_out=-1.0)

@@ -10,10 +10,10 @@ import pytest
 
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
-from sledenv.simulation.simulate import simulate, simulate_batch
+from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import lowest_arms, support_height
-from tests.bodies import SLED, same_bits
+from tests.bodies import same_bits
 
 RIDDEN = sled()
 ICE = ContactLaw.from_restitution(0.1, stiffness=2e6, friction=0.01, rolling_arm=0.0)
@@ -91,45 +91,9 @@ def test_a_descent_ends_at_the_first_of_several_parts(solver: Any) -> None:
     """Oracle: the descents that end at each of them."""
     settings, ends = Settings(solver, max_time=20.0), set()
     for phi in (-2.5, -0.8, 0.0, 0.3, 0.8, 2.0, 3.1):
-        launch = launched(phi, 0.3)
-        alone = [simulate(RIDDEN, ICE, TRACK, launch, settings, end_touching=part) for part in ("rider", "legs")]
-        both = simulate(RIDDEN, ICE, TRACK, launch, settings, end_touching=["rider", "legs"])
+        given = RIDDEN, ICE, TRACK, launched(phi, 0.3), settings
+        alone = [simulate(*given, end_touching=part) for part in ("rider", "legs")]
+        both = simulate(*given, end_touching=["rider", "legs"])
         assert both.outcome == min(alone, key=lambda one: one.time).outcome
-        ends.add(both.status)
-    assert ends == {"tumbled", "jammed"} or ends == {"tumbled", "finish"}
-
-
-@pytest.mark.parametrize(
-    ("given", "error", "message"),
-    [
-        ({"end_touching": "wing"}, ValueError, r"end_touching = 'wing': must be a part of the body, one of \("),
-        ({"end_touching": ["rider", "wing"]}, ValueError, r"end_touching = 'wing': must be a part of the body, one of"),
-        ({"end_touching": 1}, TypeError, "end_touching = 1: must be the name of a part"),
-        ({"end_touching": []}, TypeError, r"end_touching = \[\]: must be the name of a part of the body, or several"),
-        ({"end_touching": ["rider", 1]}, TypeError, "end_touching = .*: must be the name of a part of the body, or"),
-    ],
-)
-def test_wrong_parts_are_named(given: dict[str, Any], error: type[Exception], message: str) -> None:
-    with pytest.raises(error, match=message):
-        simulate(RIDDEN, ICE, TRACK, launched(0.0, 0.1), **given)
-
-
-def test_bodies_of_a_batch_must_agree_on_the_part() -> None:
-    with pytest.raises(ValueError, match="must be a part of the body"):
-        simulate_batch([RIDDEN, SLED], ICE, TRACK, [launched(0.0, 0.5)] * 2, Settings(end_touching="rider"))
-
-
-@pytest.mark.parametrize(
-    ("given", "message"),
-    [
-        ({"length": 1e200}, r"sled.length = 1e\+200: must be in \[1e-50, 1e\+50\]"),
-        ({"rider_height": 1e50}, "the runners must be on the outline"),
-        ({"rider_mass": 0.0}, r"sled.rider_mass = 0.0: must be in \[1e-50, 1e\+50\]"),
-        ({"balance": 1.0}, r"sled.balance = 1.0: must be in \(-1, 1\)"),
-        ({"length": 0.1}, r"sled.length = 0.1: must be in \(0.12, 1e\+50\] m"),
-        ({"bow_radius": 0.2}, "sled.bow_radius = 0.2: must be large enough"),
-    ],
-)
-def test_wrong_numbers_are_named(given: dict[str, float], message: str) -> None:
-    with pytest.raises(ValueError, match=message):
-        sled(**given)
+        ends.add(str(both.status))
+    assert ends in ({"tumbled", "jammed"}, {"tumbled", "finish"})
