@@ -86,19 +86,19 @@ def test_the_lines_of_the_first_page_judge_a_policy(capsys):
 
 
 def test_the_page_on_scenarios_writes_valid_ones_and_a_body_and_draws_its_pictures(tmp_path, monkeypatch, capsys):
-    """Oracle: the body of the page in Python; the scenario takes it as it stands."""
+    """Oracle: names and height of the body on the page; the scenario takes it as it stands."""
     monkeypatch.chdir(tmp_path)
     scenario, body, bumps, *_ = blocks("docs/scenarios.md", "yaml")
     (tmp_path / "my_mat.yaml").write_text(scenario)
     (tmp_path / "my_bumps.yaml").write_text(bumps)
     names = run(blocks("docs/scenarios.md"))
     assert names["env"].unwrapped.action_space.shape == (1,)
-    printed = capsys.readouterr().out
-    assert "friction" in printed
-    assert printed.splitlines()[-1].startswith("0.138")
+    assert "friction" in capsys.readouterr().out
     own = re.sub("^body: .*$", "", scenario.replace("touching: rider", "touching: head"), flags=re.MULTILINE)
     (tmp_path / "own.yaml").write_text(own + body)
-    assert load_scenario(tmp_path / "own.yaml").all_bodies() == (names["measured"],)
+    (measured,) = load_scenario(tmp_path / "own.yaml").all_bodies()
+    assert {"heel", "runner", "toe", "frame", "head", "back", "legs", "feet"} <= set(measured.parts)
+    assert 0.13 < measured.lowest_support < 0.14  # it was measured 0.14 m over the tape
     scenario = load_scenario(tmp_path / "my_bumps.yaml")
     assert scenario.given(scenario.sample(np.random.default_rng(0))).slope.profile
     check_pictures("scenarios", "track", tmp_path)
@@ -135,12 +135,9 @@ def test_the_page_for_engineers_tells_what_comes_out(tmp_path, monkeypatch):
 def test_the_pages_on_environments_run(tmp_path, monkeypatch, capsys):
     """Their film moves and has the size of the pictures."""
     monkeypatch.chdir(tmp_path)
-    *page, training, judging, rule = blocks("docs/environments.md")
     assert run(blocks("docs/environments/descent.md"))["ended"]
     pushed = run(blocks("docs/environments/launch.md"))["pushed"]
-    assert "learn(" in training
-    assert "evaluate(model" in judging
-    names = run([*page, rule])
+    names = run(blocks("docs/environments.md"))
     assert len(names["rule"].rewards) == 200
     assert pushed.control_bounds["speed"] == (2.0, 6.0)
     assert names["rewards"].shape == (4096,)
@@ -192,12 +189,10 @@ def test_the_step_and_the_simulation_of_the_readme_run(tmp_path, monkeypatch):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("page", "numbers"), [("README.md", [2]), ("docs/environments.md", [-3, -2])])
-def test_the_training_of_a_page_runs(page, numbers, capsys):
+def test_the_training_of_the_readme_runs(capsys):
     """Oracle: the 0.580 of no trims in the same contexts."""
     torch.set_num_threads(1)  # more wait for each other on a busy machine
-    code = blocks(page)
-    run([code[number].replace("progress_bar=True", "progress_bar=False") for number in numbers])
+    run([blocks("README.md")[2].replace("progress_bar=True", "progress_bar=False")])
     told = capsys.readouterr().out
     assert told.startswith("PPO, 1000 test contexts of sled_rollers")
     assert float(re.findall(r"mean reward  (\S+)", told)[0]) > 0.61
