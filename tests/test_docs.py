@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import re
+import runpy
 import tokenize
 from itertools import chain
 from pathlib import Path
@@ -92,6 +93,27 @@ def test_the_table_of_an_observation_has_the_names_of_its_entries(environment: s
     assert set(chain(*rows)) <= set(names)
     assert rows[0][0] == names[0]
     assert rows[-1][-1] == names[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("a friction of .5", True),  # sic
+        ("a friction of 0.5, in version 1.2.5", False),
+        ("34,000 steps a second", True),  # sic
+        ("one of them takes a second", False),
+        ("the speed at the line", True),  # sic
+        ("a corner behind the line of a piece", False),
+        ("a sled tumbles", True),  # sic
+        ("a rock tumbles", False),
+        ("a mat throws the rider over", True),  # sic
+        ("the aiming error of a launch", True),  # sic
+        ("the watchers of a step", True),  # sic
+    ],
+)
+def test_lint_finds_words_of_others(text: str, wrong: bool) -> None:
+    rules = runpy.run_path(str(ROOT / ".ci" / "words"))["RULES"]
+    assert any(re.search(rule, text) for rule in rules.values()) is wrong
 
 
 def test_make_trains_each_agent_that_ships() -> None:

@@ -1,7 +1,7 @@
 """What agents see: the columns of an observation, each with its name, its unit, its scale and what it is computed of.
 
 A new entry of the state is an entry of ``STATE``; of the ground and of landings it is one of the kernel's (outlook.py)
-and a row here. ``python -m sledenv.envs.columns`` prints the table of docs/environments.md.
+and a row here. The table of docs/environments/descent.md is made of them.
 """
 
 from __future__ import annotations
@@ -259,7 +259,3 @@ def table() -> str:
     for name, told in (("height", heights), ("rise", ("rad", "angle of the ground there to the plane", f"{_RISE:g}"))):
         rows.append((f"`landing_{name}_{PLACES[0]:+g}` to `landing_{name}_{PLACES[-1]:+g}`", *told))
     return markdown(("name", "unit", "what it is", "divided by"), rows)
-
-
-if __name__ == "__main__":
-    print(table(), end="")
