@@ -73,7 +73,7 @@ def test_the_gallery_has_the_scores_of_each_scenario() -> None:
     for suite in ("launch", "rides"):
         with (ROOT / "agents" / "results" / f"{suite}.csv").open(encoding="utf-8") as file:
             for one in csv.DictReader(file):
-                score = f"{float(one['reward']):.3f}, {100 * float(one['falls']):.0f} %"
+                score = f"{float(one['reward']):.3f}, {100 * float(one['falls']):.0f}\N{NO-BREAK SPACE}%"
                 assert score in rows[one["scenario"]] or one["agent"] == "best_fixed", (one["scenario"], one["agent"])
 
 
@@ -88,7 +88,7 @@ def test_the_table_of_an_observation_has_the_names_of_its_entries(environment: s
     rows = [
         re.findall(r"`(\S+)`", row.split("|")[1])
         for row in tables.with_tables(page).splitlines()
-        if "| its range" in row or " to `" in row
+        if "| half its range" in row or " to `" in row
     ]
     assert set(chain(*rows)) <= set(names)
     assert rows[0][0] == names[0]

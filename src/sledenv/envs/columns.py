@@ -67,7 +67,7 @@ class Column(NamedTuple):
 # The flight that begins. Scales are such that in rides of the shipped scenarios with random trims each entry has a
 # standard deviation between 0.1 and 1; only the pose of a sled, which hardly turns, has less.
 STATE: Final = (
-    Column("left", "m", "way to the line", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
+    Column("left", "m", "way to the finish", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
     Column(
         *("height", "m", "height of the mass centre over the ground below it", "0.4 s"),
         *(lambda of: 0.4 * of.size, lambda see: see.flights["y"] - see.outlook.under),
