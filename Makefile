@@ -104,11 +104,12 @@ gymnasium-tests: $(STAMP) ## run Gymnasium's own tests with these environments (
 	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill Box2D array-api-compat array-api-extra
 	SDL_VIDEODRIVER=dummy $(BIN)/python -m tests.gymnasium_suite $(GYMNASIUM)
 
-lint: $(STAMP) ## check style, types, the direction of imports, and the templates of pages
+lint: $(STAMP) ## check style, types, the direction of imports, words, and the templates of pages
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 	PYTHONPATH=src $(BIN)/lint-imports --no-cache
+	$(BIN)/python .ci/words
 	$(BIN)/djlint --quiet --lint --check $(TEMPLATES)
 	$(BIN)/oxlint --deny-warnings $(TEMPLATES)
 	$(BIN)/oxfmt --check $(STYLED)

@@ -18,6 +18,7 @@ import numpy as np
 from docutils import nodes
 
 import sledenv
+from docs import tables
 from sledenv.pages.play import Played, play_page
 
 ROOT = Path(__file__).parents[1]
@@ -87,16 +88,12 @@ PLAY = """\
 """
 
 _CONTENTS: dict[tuple[Any, ...], str] = {}
-_FIELD = re.compile(r"^    (\w+): [^#\n]*#:? (.*)$", re.MULTILINE)
 _ESCAPED = str.maketrans({mark: "\\" + mark for mark in "*|`_"})
 _QUOTED = re.compile(r"\$`([^`\n]+)`\$")
-_PAGE = re.compile(r"docs/(\w+)\.md")
+_PAGE = re.compile(r"docs/([\w/]+)\.md")
 
 
-@functools.cache
-def comments_of(kind: type) -> dict[str, str]:
-    """Return what stands beside each field of a class; its module is parsed for that, so once a class."""
-    return dict(_FIELD.findall(inspect.getsource(kind))) if kind.__module__.startswith("sledenv") else {}
+comments_of = functools.cache(tables.comments_of)  # which parses the module of a class
 
 
 def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
@@ -107,10 +104,9 @@ def describe_field(app: Any, what: str, name: str, value: Any, options: Any, lin
         return
     owner, field = name.rsplit(".", 1)
     lines.clear()
-    for kind in inspect.getmro(operator.attrgetter(owner.removeprefix("sledenv."))(sledenv)):
-        if field in comments_of(kind):
-            lines.append(comments_of(kind)[field].translate(_ESCAPED))
-            return
+    comments = comments_of(operator.attrgetter(owner.removeprefix("sledenv."))(sledenv))
+    if field in comments:
+        lines.append(comments[field].translate(_ESCAPED))
 
 
 def link_pages(app: Any, what: str, name: str, value: Any, options: Any, lines: list[str]) -> None:
@@ -118,9 +114,9 @@ def link_pages(app: Any, what: str, name: str, value: Any, options: Any, lines: 
     lines[:] = [_PAGE.sub(r":doc:`\g<0> </docs/\1>`", line) for line in lines]
 
 
-def read_formulae(app: Any, name: str, source: list[str]) -> None:
-    """Take GitHub's quotes off inline formulae, which MyST does not know."""
-    source[0] = _QUOTED.sub(r"$\1$", source[0])
+def read_page(app: Any, name: str, source: list[str]) -> None:
+    """Put tables in their places, and take GitHub's quotes off inline formulae, which MyST does not know."""
+    source[0] = _QUOTED.sub(r"$\1$", tables.with_tables(source[0]))
 
 
 def show_play(app: Any, name: str, source: list[str]) -> None:
@@ -185,7 +181,7 @@ def setup(app: Any) -> dict[str, bool]:
     app.connect("builder-inited", forget_notebooks)
     app.connect("env-get-outdated", run_notebooks)
     app.connect("html-page-context", share_contents, priority=400)  # before the theme asks for it
-    app.connect("source-read", read_formulae)
+    app.connect("source-read", read_page)
     app.connect("source-read", show_play)
     app.connect("build-finished", write_play)
     app.connect("doctree-read", leave_formulae)

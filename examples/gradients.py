@@ -1,4 +1,4 @@
-"""What derivatives of a ride tell of its mean reward: ``python examples/gradients.py --out gradients.png``."""
+"""Derivatives of a ride, beside that of its mean reward: ``python examples/gradients.py --out gradients.png``."""
 
 from __future__ import annotations
 

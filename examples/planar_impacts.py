@@ -1,4 +1,4 @@
-"""What 1,718 recorded impacts of an ellipse tell of its contact law, and what they cannot tell apart.
+"""Contact laws of 1,718 recorded impacts of an ellipse: what they tell, and what they cannot tell apart.
 
 The planar-impact-dataset of the MCube Lab (Fazeli et al., arXiv 1710.05947) has no licence and is not part of this
 repository: download it and name the folder of its .mat files.
@@ -54,7 +54,7 @@ TABLES = (
 
 
 class Recorded(NamedTuple):
-    """What the files hold."""
+    """Recorded impacts, as the files hold them."""
 
     table: pd.DataFrame  # as sledenv.identify takes it
     published: dict[str, Floats]  # velocities after that six models predict, shape (N, 3)

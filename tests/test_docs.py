@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 import io
 import re
+import runpy
 import tokenize
+from itertools import chain
 from pathlib import Path
 
+import gymnasium as gym
 import pytest
 
-from sledenv.scenarios.scenario import scenario_names
+from docs import tables
+from sledenv.envs import DESCENT_ID, LAUNCH_ID
+from sledenv.scenarios.scenario import Scenario, load_scenario, scenario_names
 
 ROOT = Path(__file__).parents[1]
 FOLDERS = ("src", "agents", "configs", "perf", "tests", "examples", "docs")
@@ -59,10 +65,55 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     assert sorted(names - known) == []
 
 
-def test_each_scenario_has_its_row_in_the_page_on_environments() -> None:
-    """The paper's impact, which is for checks, is told in words."""
-    page = (ROOT / "docs" / "environments.md").read_text(encoding="utf-8")
-    assert [name for name in scenario_names() if f"\n| `{name}` |" not in page] == ["paper_impact", "skeleton_run"]
+def test_the_gallery_has_the_scores_of_each_scenario() -> None:
+    """Oracle: the tables of suites. Both scenarios for engineers are told in words."""
+    page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+    rows = dict(re.findall(r"^\| `(\w+)` \|(.*)$", page, re.MULTILINE))
+    assert sorted([*rows, "paper_impact", "skeleton_run"]) == sorted(scenario_names())
+    for suite in ("launch", "rides"):
+        with (ROOT / "agents" / "results" / f"{suite}.csv").open(encoding="utf-8") as file:
+            for one in csv.DictReader(file):
+                score = f"{float(one['reward']):.3f}, {100 * float(one['falls']):.0f}\N{NO-BREAK SPACE}%"
+                assert score in rows[one["scenario"]] or one["agent"] == "best_fixed", (one["scenario"], one["agent"])
+
+
+@pytest.mark.parametrize("environment", [LAUNCH_ID, DESCENT_ID])
+def test_the_table_of_an_observation_has_the_names_of_its_entries(environment: str) -> None:
+    """Oracle: the environment, on bumps that are rounded; the launch is that of a plane."""
+    content = load_scenario("sled_rollers").model_dump(by_alias=True)
+    content["slope"]["bumps"]["rounding_m"] = 0.5
+    scenario = Scenario.model_validate(content) if environment == DESCENT_ID else "sled_mat"
+    names = gym.make(environment, scenario=scenario).unwrapped.observation_names
+    page = (ROOT / "docs" / "environments" / f"{environment[12:-3].lower()}.md").read_text(encoding="utf-8")
+    rows = [
+        re.findall(r"`(\S+)`", row.split("|")[1])
+        for row in tables.with_tables(page).splitlines()
+        if "| half its range" in row or " to `" in row
+    ]
+    assert set(chain(*rows)) <= set(names)
+    assert rows[0][0] == names[0]
+    assert rows[-1][-1] == names[-1]
+
+
+@pytest.mark.parametrize(
+    ("text", "wrong"),
+    [
+        ("a friction of .5", True),  # sic
+        ("a friction of 0.5, in version 1.2.5", False),
+        ("34,000 steps a second", True),  # sic
+        ("one of them takes a second", False),
+        ("the speed at the line", True),  # sic
+        ("a corner behind the line of a piece", False),
+        ("a sled tumbles", True),  # sic
+        ("a rock tumbles", False),
+        ("a mat throws the rider over", True),  # sic
+        ("the aiming error of a launch", True),  # sic
+        ("the watchers of a step", True),  # sic
+    ],
+)
+def test_lint_finds_words_of_others(text: str, wrong: bool) -> None:
+    rules = runpy.run_path(str(ROOT / ".ci" / "words"))["RULES"]
+    assert any(re.search(rule, text) for rule in rules.values()) is wrong
 
 
 def test_make_trains_each_agent_that_ships() -> None:

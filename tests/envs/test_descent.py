@@ -144,7 +144,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
 
 
 def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_ground_around():
-    """Oracle: the outcome of the ride, the vertices of its slope one by one; scaled as docs/environments.md says."""
+    """Oracle: the outcome of the ride, the vertices of its slope; scaled as docs/environments/descent.md says."""
     env = SledDescent(UNSTEADY, columns=("context", "state", "ground"))
     task, scenario = env.task, env.task.scenario
     body = task.bodies[0]

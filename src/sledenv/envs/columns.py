@@ -1,7 +1,7 @@
 """What agents see: the columns of an observation, each with its name, its unit, its scale and what it is computed of.
 
 A new entry of the state is an entry of ``STATE``; of the ground and of landings it is one of the kernel's (outlook.py)
-and a row here. ``python -m sledenv.envs.columns`` prints the table of docs/environments.md.
+and a row here. The table of docs/environments/descent.md is made of them.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ class Column(NamedTuple):
 # The flight that begins. Scales are such that in rides of the shipped scenarios with random trims each entry has a
 # standard deviation between 0.1 and 1; only the pose of a sled, which hardly turns, has less.
 STATE: Final = (
-    Column("left", "m", "way to the line", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
+    Column("left", "m", "way to the finish", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
     Column(
         *("height", "m", "height of the mass centre over the ground below it", "0.4 s"),
         *(lambda of: 0.4 * of.size, lambda see: see.flights["y"] - see.outlook.under),
@@ -259,7 +259,3 @@ def table() -> str:
     for name, told in (("height", heights), ("rise", ("rad", "angle of the ground there to the plane", f"{_RISE:g}"))):
         rows.append((f"`landing_{name}_{PLACES[0]:+g}` to `landing_{name}_{PLACES[-1]:+g}`", *told))
     return markdown(("name", "unit", "what it is", "divided by"), rows)
-
-
-if __name__ == "__main__":
-    print(table(), end="")

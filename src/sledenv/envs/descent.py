@@ -22,11 +22,9 @@ class SledDescent(SledLaunch):
     first step, whose trim has no effect, returns all of its reward.
 
     Observation
-        A Box of 22 entries, float32: the eleven fields of the context as in :class:`SledLaunch`, then the flight that
-        begins: length left, height over the ground under the mass centre, sine and cosine of the orientation, velocity
-        along and off the slope, spin, spin lent by the rider's rotor, energy supplied so far, time and number of
-        rebounds. Where there is a profile, 30 entries more: x, y and whether it is there of each of two vertices behind
-        and eight ahead. docs/environments.md says how they are scaled.
+        A Box, float32: the eleven fields of the context as in :class:`SledLaunch`, the flight that begins, the vertices
+        around where there is a profile, and where the flight lands. docs/environments/descent.md lists the entries and
+        how they are scaled; ``observation_names`` names them.
     Action
         ``Box(-1, 1, (1,), float32)``: the spin that the rider's rotor lends to the body in the coming flight, up to the
         next one that is long enough, scaled by the bound of the scenario. An unsteady rider (``rider.noise_rad_s``)

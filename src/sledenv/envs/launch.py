@@ -51,7 +51,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         As for :func:`sledenv.load_scenario`.
     control : str, optional
         What the agent chooses, such as "both", orientation and spin; the rest is a disturbance that it observes.
-        docs/environments.md lists the words. What the scenario says by default.
+        docs/environments/launch.md lists the words. That of the scenario by default.
     render_mode : {"human", "rgb_array"}, optional
         A window that plays the descent, or a picture of where it stands.
     solver : {"compliant", "rigid"}

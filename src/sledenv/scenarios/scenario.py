@@ -82,17 +82,16 @@ _HIGH: Rule = (lambda v: (v >= 0.0) & (v <= _MOST), f"in [0, {_MOST:g}] m")
 
 
 class _ContextFields(NamedTuple):
-    angle: float  # [rad] of the slope
-    friction: float  # [-] f
-    restitution: float  # [-] e
-    speed: float  # [m/s] along the slope
-    drop: float  # [m] clearance of the lowest point of the body
-    fall: float  # [m/s] towards the slope
-    orientation: float  # [rad] phi at launch
-    spin: float  # [rad/s] omega at launch
-    # Of the zone of the slope that is drawn; of the first one if none is, and 0 without zones.
-    zone_begin: float  # [m] along the slope
-    zone_friction: float  # [-] f
+    angle: float  # [rad] of the slope, beta
+    friction: float  # [-] f of the slope
+    restitution: float  # [-] e, by energy
+    speed: float  # [m/s] at launch, along the slope
+    drop: float  # [m] at launch, clearance of the lowest point of the body
+    fall: float  # [m/s] at launch, speed towards the slope
+    orientation: float  # [rad] at launch, phi
+    spin: float  # [rad/s] at launch, omega
+    zone_begin: float  # [m] where the zone that is drawn begins; of the first one if none is, 0 without zones
+    zone_friction: float  # [-] f of that zone
     shape: float  # [-] number of the body among those of the scenario, from 0 on
     track: float  # [-] number that draws the bumps and the rider's errors; 0 without either
 
