@@ -80,7 +80,7 @@ def test_every_rival_is_the_law_where_its_number_is_neutral() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not DATASET, reason="SLEDENV_PLANAR_IMPACTS does not name the folder of the dataset")
 def test_the_recorded_impacts_are_predicted_better_than_by_the_published_models(tmp_path) -> None:
-    """What docs/recordings.md says of them: the goals, the balance, and that no rolling resistance is found."""
+    """Oracle: docs/recordings.md: the goals, the balance, and that no rolling resistance is found."""
     recorded = read_impacts(Path(str(DATASET)))
     comparisons = study(recorded, tmp_path)
     for name, comparison in comparisons.items():

@@ -98,7 +98,7 @@ class Comparison:
         return found.sort_values("difference").rename_axis("model")
 
     def _times(self) -> Floats:
-        """How often each row counts in each drawn set of recordings, shape (draws, rows)."""
+        """Number of times that each row counts in each drawn set of recordings, shape (draws, rows)."""
         groups = int(self.recordings.max()) + 1
         drawn = np.random.default_rng(self.seed).multinomial(groups, np.full(groups, 1.0 / groups), _DRAWS)
         return drawn[:, self.recordings].astype(float)
