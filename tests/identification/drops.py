@@ -73,7 +73,7 @@ def track(
     noise: tuple[float, float] = NOISE,
     wrong: float = 0.0,
 ) -> pd.DataFrame:
-    """Record a drop test: ``rate`` frames a second, a share ``wrong`` of them with a pose that is far off."""
+    """Record a drop test: ``rate`` frames per second, a share ``wrong`` of them with a pose that is far off."""
     times = np.arange(round(rate * seconds)) / rate
     poses = states_at(drawable_rows(descent(one, seconds, solver)), times)[:, :3]
     poses += rng.normal(size=poses.shape) * [noise[0], noise[0], noise[1]]

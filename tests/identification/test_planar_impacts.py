@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -19,25 +20,32 @@ from sledenv.identification.rebounds import Rebounds
 DATASET = os.environ.get("SLEDENV_PLANAR_IMPACTS")
 
 
-def written(folder: Path, n: int = 12) -> np.ndarray:
-    """Write made-up impacts with e = .6 and f = .2 as the dataset has them; the last one creates energy."""
+def impacts(n: int) -> Rebounds:
+    """Made-up impacts as the dataset has them, with e = 0.6 and f = 0.2."""
     rng = np.random.default_rng(0)
-    a, b = rng.uniform(-0.01, 0.01, n), rng.uniform(0.025, 0.035, n)
-    before = np.stack([rng.uniform(0.4, 0.9, n), rng.uniform(-2.8, -2.2, n), rng.uniform(-8.0, 8.0, n)], axis=1)
-    contacts = np.hstack([np.stack([a, b], axis=1), before])
-    rebounds = Rebounds(GYRATION_RADIUS, contacts, before, np.zeros(n, bool), np.arange(n))
-    after = impact_models()["energetic"].velocities(rebounds, np.array([0.6, 0.2, 0.0, 0.0, 0.0]))
+    lows, highs = [-0.01, 0.025, 0.4, -2.8, -8.0], [0.01, 0.035, 0.9, -2.2, 8.0]
+    contacts = rng.uniform(lows, highs, (n, 5))
+    given = Rebounds(GYRATION_RADIUS, contacts, contacts[:, 2:], np.zeros(n, bool), np.arange(n))
+    after = impact_models()["energetic"].velocities(given, np.array([0.6, 0.2, 0.0, 0.0, 0.0]))
+    return replace(given, after=after)
+
+
+def written(folder: Path) -> np.ndarray:
+    """Write made-up impacts in the files of the dataset; the last one creates energy."""
+    given = impacts(12)
+    after = given.after.copy()
     after[-1] *= 5.0
-    poses, zero, one = np.zeros((n, 3)), np.zeros(n), np.ones(n)
+    a, b = given.arms.T
+    poses, zero, one = np.zeros((12, 3)), np.zeros(12), np.ones(12)
     data = {
-        "states_i": np.hstack([poses, before]),
+        "states_i": np.hstack([poses, given.before]),
         "states_f": np.hstack([poses, after]),
         "n": np.stack([zero, one, -a], axis=1),
         "d": np.stack([one, zero, b], axis=1),
     }
     savemat(folder / "data_ellipse.mat", {"data": data})
     savemat(folder / "v_models.mat", {"v_models": np.hstack([after + k for k in range(len(PUBLISHED))])})
-    savemat(folder / "w_true_data.mat", {"W": np.zeros((n, 3))})
+    savemat(folder / "w_true_data.mat", {"W": np.zeros((12, 3))})
     return after
 
 
@@ -57,21 +65,7 @@ def test_files_of_the_datasets_layout_are_read(tmp_path) -> None:
 
 def test_every_rival_is_the_law_where_its_number_is_neutral() -> None:
     """Exact rebounds: rivals contain the truth, and find it."""
-    rng = np.random.default_rng(1)
-    contacts = np.stack(
-        [
-            rng.uniform(-0.01, 0.01, 40),
-            rng.uniform(0.025, 0.035, 40),
-            rng.uniform(0.4, 0.9, 40),
-            rng.uniform(-2.8, -2.2, 40),
-            rng.uniform(-8.0, 8.0, 40),
-        ],
-        axis=1,
-    )
-    given = Rebounds(GYRATION_RADIUS, contacts, contacts[:, 2:], np.zeros(40, bool), np.arange(40))
-    law = impact_models()["energetic"]
-    after = law.velocities(given, np.array([0.6, 0.2, 0.0, 0.0, 0.0]))
-    given = Rebounds(GYRATION_RADIUS, contacts, after, given.corner, given.recordings)
+    given = impacts(40)
     for name in ("... scale of b", "... offset of a", "... radius of gyration", "... friction by side"):
         rival = planar_impacts.rivals()[name]
         assert given.errors(rival(given, given)).max() < 1e-5, name
@@ -80,7 +74,7 @@ def test_every_rival_is_the_law_where_its_number_is_neutral() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(not DATASET, reason="SLEDENV_PLANAR_IMPACTS does not name the folder of the dataset")
 def test_the_recorded_impacts_are_predicted_better_than_by_the_published_models(tmp_path) -> None:
-    """What docs/recordings.md says of them: the goals, the balance, and that no rolling resistance is found."""
+    """Oracle: docs/recordings.md: the goals, the balance, and that no rolling resistance is found."""
     recorded = read_impacts(Path(str(DATASET)))
     comparisons = study(recorded, tmp_path)
     for name, comparison in comparisons.items():

@@ -52,7 +52,7 @@ def by_arms(seed: int, noise: float = 0.02) -> Table:
 
 
 def said(table: Table, **body: object) -> str:
-    """What is said of a table before a fit: the doubts, or why it is refused."""
+    """Doubts about a table before a fit, or the reason why it is refused."""
     try:
         return " ".join(doubts(read_rebounds(table, **body)))  # type: ignore[arg-type]
     except ValueError as error:
@@ -66,7 +66,7 @@ def said(table: Table, **body: object) -> str:
         (scaled(**all_of(U, -1.0)), "the sign of b, or of u, or those of a and omega, were turned"),
         (scaled(a_m=-1.0), "the sign of a were turned"),
         (scaled(**all_of(OMEGA, -1.0)), "the sign of omega were turned"),
-        (scaled(**all_of(OMEGA, np.degrees(1.0))), "omega were in degrees a second"),
+        (scaled(**all_of(OMEGA, np.degrees(1.0))), "omega were in degrees per second"),
         (scaled(**all_of(ARMS, 1e3)), "the arms were in mm"),
         (scaled(**all_of((*U, *V), 1e3)), "u and v were in mm/s"),
         (scaled(a_m=-1.0, **all_of((*V, *OMEGA), -1.0)), "y pointed away from the surface"),
@@ -99,7 +99,7 @@ DEGREE = 180.0 / np.pi
     ("spoil", "words"),
     [
         (scaled(phi_rad=DEGREE), "phi_rad were in degrees"),
-        (scaled(phi_rad=DEGREE, **all_of(OMEGA, DEGREE)), "phi_rad were in degrees, and omega in degrees a second"),
+        (scaled(phi_rad=DEGREE, **all_of(OMEGA, DEGREE)), "phi_rad were in degrees, and omega in degrees per second"),
         (scaled(phi_rad=-1.0), "phi_rad alone counted clockwise"),
         (scaled(phi_rad=-1.0, **all_of(OMEGA, -1.0)), "all angles counted clockwise: turn the signs of phi_rad and o"),
         (scaled(phi_rad=-1.0, **all_of((*V, *OMEGA), -1.0)), "y pointed away from the surface"),
@@ -130,7 +130,7 @@ def test_another_zero_of_orientations_is_named_and_nothing_else(
     found = said(table.assign(phi_rad=table["phi_rad"] + offset), body=body)
     (angle,) = {float(one) for one in re.findall(r"now from another zero, were larger by (\S+) rad", found)}
     assert angle == pytest.approx(-offset, abs=0.05)
-    for other in ("degrees,", "degrees a second", "in mm", "or if"):
+    for other in ("degrees,", "degrees per second", "in mm", "or if"):
         assert other not in found
     assert said(table.assign(phi_rad=table["phi_rad"] + offset + angle), body=body) == ""
 

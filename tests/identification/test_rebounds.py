@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import re
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -100,14 +99,6 @@ def test_speed_dependent_restitution_is_found() -> None:
     speed = found.model.reference_speed
     assert speed == np.median(found.rebounds.approach)
     assert found.values["restitution"] == pytest.approx(0.6 * (speed / 2.0) ** -0.25, abs=0.01)
-
-
-def test_outliers_hardly_move_the_fit() -> None:
-    given = table(6, 200, 0.02)
-    given.loc[:9, "omega_after_rad_s"] *= -1.0
-    given.loc[:9, "v_after_m_s"] += 2.0
-    assert identified(given).values["restitution"] == pytest.approx(0.6, abs=0.02)
-    assert identified(given, loss="linear").values["restitution"] > 0.62
 
 
 def test_a_mirrored_table_gives_the_same_law() -> None:
@@ -286,8 +277,12 @@ def test_a_fit_ends_where_a_cost_falls_by_its_rounding() -> None:
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_files_are_read_as_the_table_is(tmp_path: Path, suffix: str) -> None:
+    """Spaces after commas are no part of names and values."""
     given, file = table(16, 30), tmp_path / f"rebounds{suffix}"
-    given.to_csv(file, index=False) if suffix == ".csv" else given.to_parquet(file)
+    if suffix == ".csv":
+        file.write_text(given.to_csv(index=False).replace(",", " , "))
+    else:
+        given.to_parquet(file)
     read, told = (read_rebounds(one, gyration_radius=GYRATION) for one in (file, given))
     # Before version 3 pandas reads the last digit of a decimal number wrongly.
     assert read.contacts == pytest.approx(told.contacts, rel=1e-14)
@@ -365,22 +360,6 @@ def test_a_file_that_is_no_table_is_refused_in_few_words(tmp_path: Path, name: s
     assert len(str(refused.value)) < 400
     with pytest.raises(OSError, match="cannot be read: No such file"):
         identified(tmp_path / "none.csv")
-
-
-def test_spaces_after_commas_are_no_part_of_names_and_values(tmp_path: Path) -> None:
-    """Oracle: the table without them."""
-    given, file = table(17, 20).assign(recording="one"), tmp_path / "rebounds.csv"
-    file.write_text(given.to_csv(index=False).replace(",", " , "))
-    assert identified(file).values == pytest.approx(identified(given).values, rel=1e-7)
-
-
-def test_without_pandas_the_error_names_what_to_install(monkeypatch) -> None:
-    for name in [name for name in sys.modules if name.startswith("sledenv.identification")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delitem(vars(sledenv), "identify", raising=False)  # it stays once it has been loaded
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(ImportError, match=r"sledenv\.identification: .*pandas.*pip install 'sledenv\[analysis\]'"):
-        sledenv.identify("rebounds.csv", gyration_radius=0.5)
 
 
 # --- the command -----------------------------------------------------------------------------------------------------

@@ -18,7 +18,6 @@ from sledenv.identification.plausibility import read_rebounds
 from sledenv.identification.rebounds import Rebounds
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.rigid_impact import Hypothesis
-from sledenv.simulation.rules import checked_count
 
 Predictor = Callable[[Rebounds, Rebounds], Floats]  # fitted to the first, velocities after of the second, (N, 3)
 
@@ -56,13 +55,12 @@ class Comparison:
         model.
     recordings : ndarray, shape (rows,)
         Recording of each.
-    draws, seed : int
+    seed : int
         Of the bootstrap over recordings.
     """
 
     errors: pd.DataFrame
     recordings: NDArray[np.intp]
-    draws: int = _DRAWS
     seed: int = 0
 
     @property
@@ -74,33 +72,22 @@ class Comparison:
         for name, errors in ranked.items():
             sample = errors.to_numpy()
             mean = _ends((times @ sample) / times.sum(axis=1), _LEVEL)
-            tail = _ends(_tails(times, sample), _LEVEL)
+            drawn = np.broadcast_to(sample, times.shape)
+            tail = _ends(np.quantile(drawn, 0.9, axis=1, weights=times, method="inverted_cdf"), _LEVEL)
             found[name] = (sample.mean(), *mean, np.quantile(sample, 0.9), *tail)
         columns = ["mean", "mean_low", "mean_high", "p90", "p90_low", "p90_high"]
         return pd.DataFrame.from_dict(found, orient="index", columns=columns).rename_axis("model")
 
-    def differences(self, reference: str | None = None) -> pd.DataFrame:
-        """How much larger the mean error of each model is than that of one of them, on the same rebounds.
-
-        Parameters
-        ----------
-        reference : str, optional
-            The best model by default.
+    def differences(self) -> pd.DataFrame:
+        """Compare the mean error of each model with that of the best one, on the same rebounds.
 
         Returns
         -------
         DataFrame
             One row per model: ``difference``, ``low`` and ``high``, and whether it is ``clear``. The intervals hold
             together at the level 0.95 (Bonferroni), so that a difference among many is not called clear by chance.
-
-        Raises
-        ------
-        ValueError
-            If there is no such model.
         """
-        reference = str(self.errors.mean().idxmin()) if reference is None else reference
-        if reference not in self.errors:
-            raise ValueError(f"reference = {reference!r}: must be one of {', '.join(self.errors)}")
+        reference = str(self.errors.mean().idxmin())
         others = self.errors.drop(columns=reference)
         paired = others.to_numpy() - self.errors[[reference]].to_numpy()
         times = self._times()
@@ -111,9 +98,9 @@ class Comparison:
         return found.sort_values("difference").rename_axis("model")
 
     def _times(self) -> Floats:
-        """How often each row counts in each drawn set of recordings, shape (draws, rows)."""
+        """Number of times that each row counts in each drawn set of recordings, shape (draws, rows)."""
         groups = int(self.recordings.max()) + 1
-        drawn = np.random.default_rng(self.seed).multinomial(groups, np.full(groups, 1.0 / groups), self.draws)
+        drawn = np.random.default_rng(self.seed).multinomial(groups, np.full(groups, 1.0 / groups), _DRAWS)
         return drawn[:, self.recordings].astype(float)
 
 
@@ -126,7 +113,6 @@ def compare(
     predicted: Mapping[str, ArrayLike] | None = None,
     held_out: ArrayLike | None = None,
     folds: int = _FOLDS,
-    draws: int = _DRAWS,
     seed: int = 0,
 ) -> Comparison:
     """Compare contact laws by their errors on rebounds that they were not fitted to.
@@ -142,9 +128,7 @@ def compare(
     held_out : array_like of bool, shape (N,), optional
         Rebounds that no model is fitted to. Without it each is held out once, with its recording, in one of the folds.
     folds, seed : int
-        Parts of the data.
-    draws : int
-        Of the bootstrap over recordings.
+        Parts of the data; of these parts, and of the bootstrap over recordings.
 
     Returns
     -------
@@ -158,32 +142,23 @@ def compare(
     rebounds = table if isinstance(table, Rebounds) else read_rebounds(table, body, gyration_radius=gyration_radius)
     if models is None:
         models = impact_models(float(np.median(rebounds.approach)))
-    checked_count("draws", draws)
     held = np.ones(len(rebounds), bool) if held_out is None else np.asarray(held_out, bool)
     if held.shape != (len(rebounds),) or not held.any() or (held_out is not None and held.all()):
         raise ValueError(f"held_out: must be {len(rebounds)} flags, some of them true and some false")
+    parts = list(_folds(rebounds, folds, seed)) if held_out is None else [held]
     errors = {}
     for name, model in models.items():
-        if held_out is None:
-            velocities = _cross_validated(model, rebounds, folds, seed)
-        else:
-            velocities = model(rebounds.rows(~held), rebounds.rows(held))
-        errors[name] = rebounds.rows(held).errors(velocities)
+        velocities = np.zeros((len(rebounds), 3))
+        for part in parts:
+            velocities[part] = model(rebounds.rows(~part), rebounds.rows(part))
+        errors[name] = rebounds.errors(velocities)[held]
     for name, given in (predicted or {}).items():
         velocities = np.asarray(given, float)
         if velocities.shape != (len(rebounds), 3) or not np.isfinite(velocities).all():
             raise ValueError(f"predicted, {name}: must be finite numbers of the shape ({len(rebounds)}, 3)")
-        errors[name] = rebounds.rows(held).errors(velocities[held])
+        errors[name] = rebounds.errors(velocities)[held]
     recordings = np.unique(rebounds.recordings[held], return_inverse=True)[1]
-    return Comparison(pd.DataFrame(errors, pd.Index(np.flatnonzero(held), name="row")), recordings, draws, seed)
-
-
-def _cross_validated(model: Predictor, rebounds: Rebounds, folds: int, seed: int) -> Floats:
-    """Velocities after, shape (N, 3), each from a fit to the other folds."""
-    velocities = np.empty((len(rebounds), 3))
-    for held in _folds(rebounds, folds, seed):
-        velocities[held] = model(rebounds.rows(~held), rebounds.rows(held))
-    return velocities
+    return Comparison(pd.DataFrame(errors, pd.Index(np.flatnonzero(held), name="row")), recordings, seed)
 
 
 def _folds(rebounds: Rebounds, folds: int, seed: int) -> Iterator[NDArray[np.bool_]]:
@@ -197,12 +172,4 @@ def _folds(rebounds: Rebounds, folds: int, seed: int) -> Iterator[NDArray[np.boo
 def _ends(drawn: Floats, level: float) -> Floats:
     """Ends of the interval that holds a share of drawn values, shape (2, ...)."""
     found: Floats = np.quantile(drawn, [0.5 * (1.0 - level), 0.5 * (1.0 + level)], axis=0)
-    return found
-
-
-def _tails(times: Floats, sample: Floats) -> Floats:
-    """90th percentile of each drawn set, shape (draws,)."""
-    order = np.argsort(sample)
-    below = np.cumsum(times[:, order], axis=1)
-    found: Floats = sample[order][np.argmax(below >= 0.9 * below[:, -1:], axis=1)]
     return found

@@ -6,14 +6,12 @@ import math
 import os
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
-from sledenv.identification.fitting import Floats
 from sledenv.identification.rebounds import AFTER, ARMS, BEFORE, POSE, TOUCHDOWN, Rebounds, arms_of
 from sledenv.identification.tables import LARGEST, columns, numbered, place, read_table, recorded_names
 from sledenv.simulation.bodies import Body, made_body
@@ -53,7 +51,7 @@ _SAME_ARMS, _SAME_VELOCITIES = (1.0, 1.0), (1.0, 1.0, 1.0)
 _REMEDIES: tuple[_Remedy, ...] = (
     ("the sign of v were turned", 1, _SAME_ARMS, (1, -1, 1), 1),
     ("the sign of omega were turned", 1, _SAME_ARMS, (1, 1, -1), 1),
-    ("omega were in degrees a second", 1, _SAME_ARMS, (1, 1, _DEGREE), 1),
+    ("omega were in degrees per second", 1, _SAME_ARMS, (1, 1, _DEGREE), 1),
     ("u and v were in mm/s", 1, _SAME_ARMS, (_MM, _MM, 1), 1),
 )
 _REMEDIES_OF_ARMS: tuple[_Remedy, ...] = (
@@ -71,7 +69,7 @@ _REMEDIES_OF_POSES: tuple[_Remedy, ...] = (
     ("phi_rad alone counted clockwise, from y to x: turn its sign", -1, _SAME_ARMS, _SAME_VELOCITIES, 1),
     ("the sign of u were turned", 1, _SAME_ARMS, (-1, 1, 1), 1),
     ("phi_rad were in degrees", _DEGREE, _SAME_ARMS, _SAME_VELOCITIES, 1),
-    ("phi_rad were in degrees, and omega in degrees a second", _DEGREE, _SAME_ARMS, (1, 1, _DEGREE), 1),
+    ("phi_rad were in degrees, and omega in degrees per second", _DEGREE, _SAME_ARMS, (1, 1, _DEGREE), 1),
     ("all lengths of the body were in mm: give them in m", 1, (_MM, _MM), _SAME_VELOCITIES, _MM),
     (
         "the outline of the body were in mm, not its radius of gyration: give it in m",
@@ -247,31 +245,23 @@ def read_rebounds(
         table = read_table(table)
     if not len(table):
         raise ValueError("the table has no rows")
-    table = numbered(table)
-    alone = _normal_speeds(table)
-    if alone is None and (body is None) == (gyration_radius is None):
-        raise ValueError("body, gyration_radius: one of them must be given, and one only")
-    if body is not None:
-        body = made_body(body)
-        k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
-    else:
-        k = checked("identify", "gyration_radius", 1.0 if gyration_radius is None else gyration_radius, _LENGTH)
-    phi, corner = np.zeros(0), np.zeros(len(table), bool)
-    if alone is not None:
+    table, body = numbered(table), None if body is None else made_body(body)
+    speeds = _of_normal_speeds(table)
+    if speeds is not None:
         if body is not None and np.abs(arms_of(body, _AROUND)[0][:, 0]).max() > _CENTRED * body.size:
             raise ValueError(f"body = {body!r}: spins must be given, as it is not hit below its mass centre")
-        table, speeds = alone
-        body, corner = None, np.zeros(len(table), bool)
-        before, after, reach = np.zeros((len(table), 3)), np.zeros((len(table), 3)), np.zeros((len(table), 2))
-        before[:, 1], after[:, 1] = speeds.T
+        table, body, gyration_radius = speeds, None, 1.0 if gyration_radius is None else gyration_radius
+    if (body is None) == (gyration_radius is None):
+        raise ValueError("body, gyration_radius: one of them must be given, and one only")
+    before, after = columns(table, BEFORE), columns(table, AFTER)
+    phi, corner = np.zeros(0), np.zeros(len(table), bool)
+    if body is not None:
+        k = checked("body", "gyration_radius", math.sqrt(body.inertia / body.mass), _LENGTH)
+        phi = columns(table, POSE)[:, 0]
+        reach, corner = arms_of(body, phi)
     else:
-        before = columns(table, BEFORE)
-        after = columns(table, AFTER)
-        if body is not None:
-            phi = columns(table, POSE)[:, 0]
-            reach, corner = arms_of(body, phi)
-        else:
-            reach = columns(table, ARMS)
+        k = checked("identify", "gyration_radius", gyration_radius, _LENGTH)
+        reach = columns(table, ARMS)
     names = recorded_names(table)
     recordings = np.arange(len(table)) if names is None else pd.factorize(names)[0]
     places = np.array([place(table, row) for row in range(len(table))])
@@ -287,29 +277,30 @@ def read_rebounds(
     return found
 
 
-def _normal_speeds(table: pd.DataFrame) -> tuple[pd.DataFrame, Floats] | None:
-    """Rows of a table that has speeds normal to the slope alone, and these before and after [m/s]; None if it has more.
+def _of_normal_speeds(table: pd.DataFrame) -> pd.DataFrame | None:
+    """Rebounds without spin and slip, of a table that has speeds normal to the slope alone; None if it has more.
 
-    Times of touchdown alone tell them as well: a flight lasts in proportion to the speed that it begins and ends with.
+    Times of touchdown alone tell them as well.
     """
     if any(str(name).startswith("omega") for name in table.columns):
         return None
-    if BEFORE[1] in table and AFTER[1] in table:
-        return table, columns(table, (BEFORE[1], AFTER[1]))
-    if TOUCHDOWN not in table or any(name in table for name in (*BEFORE, *AFTER)):
-        return None
-    times = columns(table, (TOUCHDOWN,))[:, 0]
+    if BEFORE[1] not in table or AFTER[1] not in table:
+        if TOUCHDOWN not in table or any(name in table for name in (*BEFORE, *AFTER)):
+            return None
+        table = _of_touchdowns(table)
+    return table.assign(**dict.fromkeys((*ARMS, BEFORE[0], BEFORE[2], AFTER[0], AFTER[2]), 0.0))
+
+
+def _of_touchdowns(table: pd.DataFrame) -> pd.DataFrame:
+    """Rebounds of free bounces: a flight lasts in proportion to the speed that it begins and ends with."""
     names = recorded_names(table)
-    recordings = np.zeros(len(table), int) if names is None else pd.factorize(names)[0]
-    rows, speeds = [], []
-    for number in np.unique(recordings):
-        at = np.flatnonzero(recordings == number)
-        lasted = np.diff(times[at])
-        if (lasted <= 0.0).any():
-            row = int(at[int(np.argmax(lasted <= 0.0)) + 1])
-            raise ValueError(f"{TOUCHDOWN}, {place(table, row)}: is {times[row]:g}, must increase within a recording")
-        rows += at[1:-1].tolist()
-        speeds += [(-_HALF_GRAVITY * before, _HALF_GRAVITY * after) for before, after in pairwise(lasted.tolist())]
-    if not rows:
+    times = pd.Series(columns(table, (TOUCHDOWN,))[:, 0], table.index)
+    recordings = times.groupby(np.zeros(len(table), int) if names is None else names)
+    before, after = recordings.diff(), -recordings.diff(-1)
+    if (before <= 0.0).any():
+        row = int(np.argmax(before <= 0.0))
+        raise ValueError(f"{TOUCHDOWN}, {place(table, row)}: is {times.iloc[row]:g}, must increase within a recording")
+    told = before.notna() & after.notna()
+    if not told.any():
         raise ValueError(f"{TOUCHDOWN}: must have 3 rows or more of a recording, to tell a rebound")
-    return table.iloc[rows], np.array(speeds)
+    return table.assign(**{BEFORE[1]: -_HALF_GRAVITY * before, AFTER[1]: _HALF_GRAVITY * after})[told]

@@ -6,12 +6,12 @@ import os
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypedDict, Unpack, get_args
+from typing import Any, get_args
 
 import numpy as np
 import pandas as pd
 
-from sledenv.identification.fitting import Floats, Loss, profiled
+from sledenv.identification.fitting import Floats, profiled
 from sledenv.identification.law import FittedLaw, ImpactModel
 from sledenv.identification.plausibility import check_slips, doubts, read_rebounds
 from sledenv.identification.rebounds import Rebounds
@@ -96,17 +96,6 @@ class Identification(FittedLaw):
         return "\n".join([*lines, *(f"warning: {text}" for text in self.warnings)])
 
 
-class FitSettings(TypedDict, total=False):
-    """How a law is fitted to rebounds: what :meth:`ImpactModel.fit` takes by name."""
-
-    start: Mapping[str, float] | None
-    bounds: Mapping[str, tuple[float, float]] | None
-    loss: Loss
-    loss_scale: float
-    starts: int
-    seed: int
-
-
 def identify(
     table: pd.DataFrame | str | os.PathLike[str],
     body: Body | None = None,
@@ -115,7 +104,7 @@ def identify(
     hypothesis: Hypothesis = "energetic",
     fixed: Mapping[str, float] | None = None,
     speed_dependent: bool = False,
-    **settings: Unpack[FitSettings],
+    **settings: Any,
 ) -> Identification:
     """Fit restitution, friction and rolling arms to measured rebounds of one body.
 

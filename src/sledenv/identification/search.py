@@ -88,7 +88,8 @@ def parameters_of(
             raise ValueError(f"bounds: {name} = ({low!r}, {high!r}): must be in order and in [{least:g}, {most:g}]")
     ends = usual | dict(bounds)
     scales = {"restitution": 0.05, "friction": 0.05, "rolling_arm": 0.02 * arm, "corner_rolling_arm": 0.02 * arm}
-    found = [Parameter(STIFFNESS, "", *np.log10(ends["stiffness"]).tolist(), 0.3)]
+    low, high = np.log10(ends["stiffness"]).tolist()
+    found = [Parameter(STIFFNESS, "", low, high, 0.3)]
     found += [Parameter(name, "m" if name.endswith("arm") else "", *ends[name], scales[name]) for name in LAW]
     for recording in recordings:
         found += _launch_parameters(body, recording, f"[{recording.name}]" if len(recordings) > 1 else "")
