@@ -1,4 +1,4 @@
-"""What a study finds: closed forms, plain batches, and that it depends on nothing but the study."""
+"""Findings of a study: closed forms, plain batches, and that it depends on nothing but the study."""
 
 from __future__ import annotations
 

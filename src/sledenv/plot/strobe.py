@@ -45,7 +45,7 @@ class _Panel(NamedTuple):
 
     @property
     def wide(self) -> float:
-        """How much of the world it shows [m]."""
+        """Its width [m]."""
         return float(self.high[0] - self.low[0])
 
     @property
@@ -85,7 +85,7 @@ def plot_strobe(
     descents : Descent or sequence of Descent
         Simulated with ``record="trajectory"``.
     labels : sequence of str, optional
-        One a descent, put in front of its title.
+        One per descent, put in front of its title.
     frames : int
         About this many poses in a row of the shortest descent, >= 2; poses that would lie on top of each other are left
         out.
