@@ -304,7 +304,8 @@ def test_an_impact_figure_keeps_to_its_interval(slides: Descent) -> None:
 def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: pytest.FixtureRequest) -> None:
     """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns; the ledger."""
     descent: Descent = request.getfixturevalue(name)
-    figure = plot.plot_descent(descent)
+    figure = plot.plot_descent(descent, label=name)
+    assert figure.axes[0].get_title("left").startswith(f"{name}: {descent.status} after ")
     top = figure.axes[3].collections[-1].get_paths()[0].vertices
     sums = np.array([top[top[:, 0] == when, 1].max() for when in descent.trajectory["t"]])
     assert sums == pytest.approx(sums[0], rel={"lands_flat": 1e-3, "rigid": 0.03}.get(name, 0.02))

@@ -111,7 +111,7 @@ def drawn(study: Study, launches: int | None = None) -> Scenes:
 
 
 class Lane(NamedTuple):
-    """What one descent is given, but for its body, as simulate takes it."""
+    """Law, slope and launch of one descent, as simulate takes them."""
 
     law: ContactLaw
     slope: Slope

@@ -131,14 +131,6 @@ def test_a_hillside_is_a_study_like_others(tmp_path: Path) -> None:
     assert "over_1_m" in (tmp_path / "out" / "study.html").read_text()
 
 
-def test_what_is_given_up_is_told_and_not_left_out(tmp_path: Path) -> None:
-    """Oracle: a limit of three rebounds, which every rock meets."""
-    study = hill(limits={"max_time_s": 100, "max_rebounds": 3}, launches=12)
-    result = sledenv.study(study, tmp_path / "out", workers=1, progress=False)
-    assert result.shares.set_index("status").loc["log_full", "share"] == 1.0
-    assert result.envelopes["other"].iloc[-1] == 1.0
-
-
 def test_intervals_of_run_out_cover_the_truth() -> None:
     """Oracle: quantiles of a uniform distribution, 400 experiments."""
     rng, covered = np.random.default_rng(1), np.zeros(8)
@@ -168,7 +160,7 @@ def test_as_many_runs_fit_as_there_are_zones_beside_the_commonest() -> None:
         striped(2 * MOST_ZONES + 3)
 
 
-@pytest.mark.parametrize("names", [(8, 3), ("no", "1e3"), ("gravel, loose", "a.b"), ("8.5", "yes")])
+@pytest.mark.parametrize("names", [(8, 3), ("no", "1e3"), ("gravel, loose", "a.b")])
 def test_a_material_may_have_any_name(names: tuple[Any, Any], tmp_path: Path) -> None:
     """Oracle: the study with plain names, up to them; names out of a file are as those in Python."""
     rows = [f'{x},{z},"{names[material == "soil"]}"' for x, z, material in SECTION]
@@ -297,36 +289,24 @@ def test_a_section_may_be_told_by_few_pieces_and_arcs() -> None:
     assert study.key != corners.key
 
 
-def _sleds(start: float, orientation: float, friction: float) -> Study:
-    """Long bodies that feel the air, on level ground."""
+@pytest.mark.parametrize(("orientation", "friction"), [(10.0, 0.001), (-20.0, 0.8), (-45.0, 0.8)])
+def test_a_long_body_in_air_comes_as_far_as_its_mass_centre_does(orientation: float, friction: float) -> None:
+    """Oracle: its outcome; the tail touches behind the first point, where it starts, the nose far ahead of its end."""
     body = {"kind": "polygon", "mass_kg": 100, "points_m": [[-0.9, 0], [0.9, 0], [0.9, 0.3], [-0.9, 0.3]]}
     ice = {"restitution": 0.2, "friction": friction, "rolling_arm_m": 0.001, "stiffness_n_m": 1e6}
-    return hill(
+    study = hill(
         terrain={"section": [[0, 2, "ice"], [100, 1, "ice"]]},
         materials={"ice": ice},
         body=body | {"rounding_m": 0.01, "drag_area_m2": 0.08},
         launch={"speed_m_s": {"kind": "uniform", "low": 2, "high": 4}, "drop_m": 0.1, "orientation_deg": orientation},
-        start_m=start,
+        start_m=0.0,
         stations_m=[0.5, 1, 1.5, 2, 3, 5, 10],
     )
-
-
-def test_a_long_body_in_air_that_starts_at_the_begin_of_a_section_has_not_left_it() -> None:
-    """Oracle: its outcome; its tail touches behind the first point, its mass centre never is there."""
-    study = _sleds(0.0, 10.0, 0.001)
-    scenes = drawn(study, 20)
-    found = descend_over(scenes, study.stations, study.base.settings())
-    assert (found.outcomes["status"] == FINISH).all()
-    assert not found.left_backwards.any()
-    assert np.isfinite(found.columns["speed_m_s"]).all()
-
-
-@pytest.mark.parametrize("orientation", [-20.0, -45.0])
-def test_no_passage_is_told_of_a_place_behind_where_a_body_in_air_stops(orientation: float) -> None:
-    """Oracle: where its mass centre ends; the nose touches the ground far ahead of it."""
-    study = _sleds(0.0, orientation, 0.8)
-    scenes = drawn(study, 20)
-    found = descend_over(scenes, study.stations, study.base.settings())
-    told = np.where(np.isfinite(found.columns["speed_m_s"]), study.stations, -np.inf).max(axis=1)
-    assert (told < 10.0).all()
+    found = descend_over(drawn(study, 20), study.stations, study.base.settings())
+    comes = np.isfinite(found.columns["speed_m_s"])
+    finishes = found.outcomes["status"] == FINISH
+    assert finishes.all() if friction < 0.1 else not finishes.any()
+    assert not found.left_backwards[finishes].any()
+    assert comes[finishes].all()
+    told = np.where(comes, study.stations, -np.inf).max(axis=1)
     assert (told <= found.outcomes["x"] + 0.5).all()  # a body that rocks may have come a little further

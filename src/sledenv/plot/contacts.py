@@ -1,4 +1,4 @@
-"""What happens in the contacts of a descent, over time: forces, slip and stick."""
+"""Figures of the contacts of a descent over time: forces, slip and stick."""
 
 from __future__ import annotations
 

@@ -68,11 +68,11 @@ def plot_descent(descent: Descent, *, label: str = "") -> Figure:
 
         figure = Figure(figsize=(WIDTH, 8.0), layout="constrained")
         axes: list[Axes] = list(figure.subplots(4, 1, sharex=True, height_ratios=(1.0, 1.0, 1.0, 1.9)))
-        for ax, (field, label) in zip(axes[:3], curves, strict=True):
+        for ax, (field, unit) in zip(axes[:3], curves, strict=True):
             shade_contacts(ax, descent, 1.0)
             ax.axhline(0.0, color=INK, lw=0.6)
             ax.plot(t, rows[field], color=BLUE)
-            ax.set_ylabel(label)
+            ax.set_ylabel(unit)
             least = _LEAST * (rates[2] if field == "omega" else max(rates[:2]))
             low, high = ax.get_ylim()
             ax.set_ylim(min(low, -least), max(high, least))

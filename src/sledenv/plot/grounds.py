@@ -56,7 +56,7 @@ def _line(vertices: np.ndarray) -> np.ndarray:
 
 
 def below(line: np.ndarray, depth: float) -> np.ndarray:
-    """Return what is so far [m] below each piece of a line of the ground, shape (n, 2) as the line."""
+    """Return the points so far [m] below each piece of a line of the ground, shape (n, 2) as the line."""
     along = tangents(line)[1:-1]
     before, behind = along[[0, *range(len(along))]], along[[*range(len(along)), -1]]
     both = before + behind
@@ -97,7 +97,7 @@ class Band(NamedTuple):
     brief: str  # the same where there is less room
 
     def label(self, room: float) -> str:
-        """What there is room for, which is so many letters wide; nothing if need be."""
+        """Return the words for which a room so many letters wide is enough; none if need be."""
         return next((text for text in (self.words, self.brief) if len(text) + 1.0 <= room), "")
 
     def outline(self, vertices: np.ndarray, depth: float) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""How small differences of the launch grow from rebound to rebound, and how far away the events change."""
+"""The figure of small differences of the launch, which grow from rebound to rebound until the events change."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the body looks like, how it is touched and how fast it is shown: what figures, renderer and replay share."""
+"""Pictures of the body, of its touches and of time, which figures, renderer and replay share."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold 
 
 
 class Push(NamedTuple):
-    """What the slope does to the body at one time."""
+    """Forces of the slope on the body at one time."""
 
     number: int  # of the rebound, from 0: its row
     touches: np.ndarray  # of CONTACT_FORCES, one or more; impulses [N s] instead of forces if instantaneous
@@ -246,7 +246,7 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
 
 
 def push_at(descent: Descent, time: float) -> Push | None:
-    """Return what the slope does to the body at ``time`` [s], None in flight.
+    """Return the forces of the slope on the body at ``time`` [s], None in flight.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
     descent : Descent
         With its trajectory.
     speed : float
-        Seconds of the descent in a second of film, > 0; the hold of an impact is the same at any speed.
+        Seconds of the descent per second of film, > 0; the hold of an impact is the same at any speed.
 
     Returns
     -------
@@ -312,7 +312,7 @@ def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: floa
     descent : Descent
         With its trajectory.
     fps : float
-        Pictures a second, > 0.
+        Pictures per second, > 0.
     after : float
         Leave out what had been shown when the descent was at this time [s]: the films of successive hops are the film
         of the whole.

@@ -29,6 +29,8 @@ _WIDE, _HIGH = 8.0, 4.5  # inches of a row, at most
 _SHORT, _LONG = 24.0, 60.0  # sizes of the body, twelve and thirty sleds: how long a row should and may be
 _MOST_ROWS: Final = 8  # of a descent, as long as they may be longer
 _STEEP: Final = 0.25  # height of a picture over its width, from which on rows would be as high as it is
+_ENDLESS: Final = 1e6  # sizes of the body, from which on there is nothing to see of it
+_ON_THE_GROUND: Final = 500  # points of the ground in a row
 _BAND, _LETTERS = 0.014, 0.013  # depth of a zone and height of its words, of the width of the picture
 
 
@@ -43,7 +45,7 @@ class _Panel(NamedTuple):
 
     @property
     def wide(self) -> float:
-        """How much of the world it shows [m]."""
+        """Its width [m]."""
         return float(self.high[0] - self.low[0])
 
     @property
@@ -83,7 +85,7 @@ def plot_strobe(
     descents : Descent or sequence of Descent
         Simulated with ``record="trajectory"``.
     labels : sequence of str, optional
-        One a descent, put in front of its title.
+        One per descent, put in front of its title.
     frames : int
         About this many poses in a row of the shortest descent, >= 2; poses that would lie on top of each other are left
         out.
@@ -144,40 +146,39 @@ def _panels(
     between: tuple[float, float] | None,
 ) -> list[_Panel]:
     """Return the rows of a picture, of as many metres each."""
-    boxes = []
-    for descent, rows in zip(descents, tracks, strict=True):
-        box, size = _box(descent, rows, between, -math.inf, math.inf), descent.body.size
-        wide = float(np.ptp(box[:, 0]))
-        side = max(1.1 * size, 0.02 * wide)
-        boxes.append((box[0, 0] - side, box[1, 0] + side, float(np.ptp(box[:, 1]))))
-    begin, end = min(box[0] for box in boxes), max(box[1] for box in boxes)
-    sizes = (end - begin) / max(min(descent.body.size for descent in descents), 1e-9 * (end - begin), 1e-9)
-    steep = max(box[2] for box in boxes) > _STEEP * (end - begin)
-    flat = max(min(math.ceil(sizes / _SHORT), _MOST_ROWS), math.ceil(sizes / _LONG))
-    count = 1 if steep or sizes > 1e6 else flat  # of a point, or of one that has gone very far, there is nothing to see
+    shown = [_shown(descent, rows, between) for descent, rows in zip(descents, tracks, strict=True)]
+    every = np.concatenate([points for both in shown for points in both])
+    wide, high = np.ptp(every, axis=0).tolist()
+    side = max(1.1 * max(descent.body.size for descent in descents), 0.02 * wide)
+    begin, end = every[:, 0].min() - side, every[:, 0].max() + side
+    smallest = max(min(descent.body.size for descent in descents), 1e-9)
+    count = 1 if high > _STEEP * wide else _count((end - begin) / smallest)
     edges = np.linspace(begin, end, count + 1)
     panels = []
-    for descent, rows, label in zip(descents, tracks, labels, strict=True):
+    for descent, rows, label, (path, ground) in zip(descents, tracks, labels, shown, strict=True):
         title = outcome(descent, label)
-        for left, right in itertools.pairwise(edges):
-            box = _box(descent, rows, between, left, right)
-            if len(box) == 0:  # it has not come here
+        for left, right in itertools.pairwise(edges.tolist()):
+            inside = path[(left <= path[:, 0]) & (path[:, 0] <= right), 1]
+            if len(inside) == 0:  # it has not come here
                 continue
+            under, size = np.interp(np.linspace(left, right, _ON_THE_GROUND), *ground.T), descent.body.size
             below_it = (0.05 if descent.slope.zones else 0.02) * (right - left)  # for marks, and for words of zones
-            low = np.array([left, box[0, 1] - 0.4 * descent.body.size - below_it])
-            high = np.array([right, box[1, 1] + max(1.1 * descent.body.size, 0.02 * (right - left))])
-            panels.append(_Panel(descent, rows, low, high, title))
+            low = min(inside.min(), under.min()) - 0.4 * size - below_it
+            top = max(inside.max(), under.max()) + max(1.1 * size, 0.02 * (right - left))
+            panels.append(_Panel(descent, rows, np.array([left, low]), np.array([right, top]), title))
             title = ""
     return panels
 
 
-def _box(
-    descent: Descent, rows: np.ndarray, between: tuple[float, float] | None, left: float, right: float
-) -> np.ndarray:
-    """Return the lowest and the highest places [m] of the mass centre and of the ground under it in a row.
+def _count(sizes: float) -> int:
+    """Return how many rows there should be of a picture so many sizes of the body long."""
+    if not sizes < _ENDLESS:
+        return 1
+    return max(min(math.ceil(sizes / _SHORT), _MOST_ROWS), math.ceil(sizes / _LONG))
 
-    They are in the world frame; there are none where the descent has not come there.
-    """
+
+def _shown(descent: Descent, rows: np.ndarray, between: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Return the path of the mass centre and the ground below it, up to the finish, as points [m] of the world."""
     slope, path = descent.slope, np.stack([rows["x"], rows["y"]], axis=-1)
     ends = [0.0, slope.length] if math.isfinite(slope.length) else []
     if between is not None:
@@ -185,17 +186,7 @@ def _box(
         if not len(path):
             raise ValueError(f"between = {between!r}: a descent has nothing there")
     places = [*path[:, 0].tolist(), *ends]
-    ground = to_world(surface(slope.vertices, min(places), max(places)), slope.angle)
-    path = to_world(path, slope.angle)
-    shown = path[(left <= path[:, 0]) & (path[:, 0] <= right)]
-    if len(shown) == 0:
-        return shown
-    if math.isfinite(left):
-        edges = np.interp([left, right], *ground.T)
-        inside = ground[(left <= ground[:, 0]) & (ground[:, 0] <= right)]
-        ground = np.concatenate([inside, np.stack([[left, right], edges], axis=-1)])
-    every = np.concatenate([shown, ground])
-    return np.stack([every.min(axis=0), every.max(axis=0)])
+    return to_world(path, slope.angle), to_world(surface(slope.vertices, min(places), max(places)), slope.angle)
 
 
 def _interval(descents: Sequence[Descent], tracks: Sequence[np.ndarray], poses: int) -> float:

@@ -1,4 +1,4 @@
-"""What all figures share: colours, widths, what is written and shaded in each."""
+"""Colours, widths, titles and shades that all figures share."""
 
 from __future__ import annotations
 

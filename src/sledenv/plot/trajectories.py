@@ -1,4 +1,4 @@
-"""What figures compute from the rows of a trajectory, and from the contacts in them."""
+"""Numbers that figures compute from the rows of a trajectory, and from the contacts in them."""
 
 from __future__ import annotations
 

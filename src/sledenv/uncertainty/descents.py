@@ -148,7 +148,7 @@ def _seen(given: Scenes, stations: Floats, settings: Settings) -> tuple[np.ndarr
 
 
 class _Flights:
-    """How N descents fly: from their launches and from each separation on.
+    """Flights of N descents: from their launches and from each separation on.
 
     Their path, shape (N, 2 R + 2), holds the places x [m] where each flight begins and ends, up to the descent's end.
     One that has come behind x = 0, where the section begins, has left it: it comes to no place from there on. Where

@@ -38,7 +38,7 @@ _OUTPUTS: Final = {
     "reward": "reward",
     "finish": "whether it finishes",
     "jammed": "whether it jams",
-    "tumbled": "whether it tumbles",
+    "tumbled": "whether it falls",
     "left_backwards": "whether it leaves backwards",
 }
 _COLUMNS: Final = 3  # panels beside each other
@@ -150,7 +150,7 @@ def plot_sobol(result: StudyResult) -> Figure:
             ax.set_axis_off()
         axes[0].set_yticks(place, parameters)
         axes[0].invert_yaxis()
-        axes[0].set_xlim(min(axes[0].get_xlim()[0], -0.05), max(axes[0].get_xlim()[1], 1.0))
+        axes[0].set(xlim=(-0.1, 1.1), xticks=(0.0, 0.5, 1.0))  # intervals of a small study may go far beyond
         if outputs:
             figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
         figure.suptitle(f"Sobol indices: {plain(result.study.title)}", x=0.01, ha="left", fontsize=11.0)

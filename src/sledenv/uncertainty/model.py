@@ -108,7 +108,7 @@ def _by_name(materials: Any) -> Any:
 
 
 class Study(Document):
-    """What of a scenario is uncertain, and by how much.
+    """Numbers of a scenario that are uncertain, and by how much.
 
     The keys are those of the YAML file. ``slope``, ``body``, ``contact`` and ``launch`` have the keys of a scenario and
     stand in for its own; each is a number or a distribution. So has ``zone``, for the zone that the scenario draws, or
@@ -187,7 +187,7 @@ class Study(Document):
 
     @cached_property
     def base(self) -> Scenario:
-        """What is simulated, with every distribution at its median."""
+        """The scenario that is simulated, with every distribution at its median."""
         content: dict[str, Any] = {"control": _NO_CONTROL}
         if self.scenario is not None:
             content = load_scenario(self.scenario).model_dump(by_alias=True)
@@ -261,7 +261,7 @@ class Study(Document):
 
     @cached_property
     def parameters(self) -> dict[str, Distribution]:
-        """What is uncertain: distributions by key, such as "contact.friction"; of bumps the number of the track."""
+        """Distributions by key, such as "contact.friction"; of bumps the number of the track."""
         bumps = self.base.slope_section.bumps is not None
         return self._given | ({_BUMPS: TrackNumber()} if bumps else {})
 

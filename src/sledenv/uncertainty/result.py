@@ -16,7 +16,7 @@ from sledenv.uncertainty.model import Study
 
 @dataclass(frozen=True, eq=False)
 class StudyResult:
-    """What a study has found; all of it is also in its folder.
+    """Findings of a study; all of it is also in its folder.
 
     Attributes
     ----------
@@ -25,7 +25,7 @@ class StudyResult:
     launches : int
         How many there are.
     files : tuple of Path
-        One Parquet file a block, in order: a row a launch.
+        A Parquet file per block, in order: a row per launch.
     shares : DataFrame
         How descents end: ``status``, ``share`` and its interval of 95 %, ``low`` and ``high``.
     quantiles : DataFrame
@@ -53,17 +53,17 @@ class StudyResult:
     sobol: pd.DataFrame
 
     def read(self, columns: list[str] | None = None) -> pd.DataFrame:
-        """Return a row a launch: parameters, status, outputs, speed and energy at each station, NaN if never there."""
+        """Return a row per launch: parameters, status, outputs; speed and energy at stations, NaN if never there."""
         return read_launches(self.files, columns)
 
     @property
     def answer(self) -> str:
-        """How descents end and within which place, in a line."""
+        """The answer in a line: how descents end, and within which place."""
         return summary.answer(self.shares, self.stops)
 
     @property
     def words(self) -> str:
-        """What was found, for a reader."""
+        """Tables for a reader."""
         return summary.words(self.shares, self.quantiles, self.stops, self.envelopes, self.sobol)
 
     def page(self, pictures: dict[str, bytes]) -> str:

@@ -176,7 +176,7 @@ def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
 
 
 def _frame(one: Study, part: NDArray[np.float64]) -> pd.DataFrame:
-    """Simulate a block; return a row a launch."""
+    """Simulate a block; return a row per launch."""
     values = one.values(part)
     given = one.scenes(values), one.stations, one.base.settings(one.solver)
     found = descend_past(*given, one.base.all_bodies()) if one.terrain is None else descend_over(*given)

@@ -138,7 +138,7 @@ def _ground(terrain: TerrainSection) -> Floats:
 
 
 class MaterialSection(Section):
-    """What the ground is made of, as far as a rock feels it."""
+    """A material of the ground, as far as a rock feels it."""
 
     restitution: Annotated[float, Quantity("(0, 1]")]
     friction: Annotated[float, Quantity("[0, inf)")]
