@@ -137,13 +137,13 @@ def at_speed(page: Browser, factor: float) -> None:
 
 
 def wait_until(page: Browser, condition: str) -> None:
-    """Wait five minutes at most: a busy machine may be slow. A single script may run for half a minute."""
+    """Wait two minutes at most: a busy machine may be slow. A single script may run for half a minute."""
     look = (
         "return new Promise(done => { const last = performance.now() + 5000;"
         f"const look = () => {condition} ? done(true) : performance.now() > last ? done(false) : setTimeout(look, 20);"
         "look(); })"
     )
-    if not any(page.run(look) for _ in range(60)):
+    if not any(page.run(look) for _ in range(6)):
         raise TimeoutError(condition)
 
 
@@ -151,6 +151,13 @@ def patient(page: str) -> str:
     """A page that simulates, but waits longer for a descent: a busy machine may keep a worker from its work."""
     assert "const PATIENCE = 2;" in page
     return page.replace("const PATIENCE = 2;", "const PATIENCE = 200;")
+
+
+def assert_needs_nothing(page: str) -> None:
+    """Assert that a page is small, and refers to nothing outside itself."""
+    assert len(page.encode()) < 700_000
+    assert not re.search(r"https?:|//[a-z]+\.|@import|<link|\bsrc=|url\((?!#)", page)
+    assert "default-src 'none'" in page
 
 
 def data_of(page: str) -> dict[str, Any]:

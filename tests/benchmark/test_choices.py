@@ -134,9 +134,6 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
     chromium.click("#best")
     wait_until(chromium, f"!asking && isChanged('{problem.task.controlled[0]}')")
     assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
-    wait_until(chromium, "cloud?.paths")
-    mean = chromium.run("return cloud.paths.reduce((sum, { reward }) => sum + reward, 0) / cloud.paths.length")
-    assert mean == pytest.approx(chromium.run("return map.best.reward"), abs=1e-12)
 
 
 @pytest.mark.parametrize("seeds", [[], [1, 1], list(range(MOST_SEEDS + 1))])

@@ -250,7 +250,6 @@ def test_play_on_tracks_writes_a_page_of_twelve(tmp_path: Path, capsys: pytest.C
     tracks = [load_track(name) for name in track_names()]
     assert [hill["name"] for hill in hills] == [track.title for track in tracks]
     assert [hill["question"] for hill in hills] == [track.description for track in tracks]
-    assert data["question"] == tracks[0].description
     profiles = [[vertex[:2] for vertex in hill["scene"]["slope"]["profile"]] for hill in hills]
     assert profiles == [[list(vertex) for vertex in track.profile_m] for track in tracks]
     assert all(len(hill["rides"]) > 1 for hill in hills)

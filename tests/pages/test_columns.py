@@ -66,15 +66,6 @@ def test_each_contact_of_a_trajectory_has_its_columns() -> None:
         assert {cell for cell in columns[f"contact_{k + 1}_ground"] if cell} == {"piece 0"}
 
 
-def test_descents_with_more_and_fewer_contacts_make_one_table() -> None:
-    """Oracle: the columns of each."""
-    one = descent("compliant")
-    brief = replace(one, trajectory=one.trajectory[:2])
-    table = sledenv.recorded_poses([brief, one])
-    assert list(table) == ["recording", *trajectory_columns(one)]
-    assert table["contact_1_x_m"][:2].isna().all()
-
-
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])
 def test_the_orientation_of_a_rebound_is_that_at_touchdown(solver: Solver) -> None:
     """Oracle: the row of the trajectory at that time."""
@@ -102,7 +93,9 @@ def test_tables_of_descents_are_those_of_the_command_with_numbers_of_recordings(
                 part.drop(columns="recording").reset_index(drop=True), pd.DataFrame(columns), check_dtype=False
             )
         assert len(table) == 2 * rows
-    assert len(sledenv.recorded_rebounds(one)) == len(one.rebounds)
+    mixed = sledenv.recorded_poses([replace(descent("compliant"), trajectory=one.trajectory[:2]), descent("compliant")])
+    assert list(mixed) == ["recording", *trajectory_columns(descent("compliant"))]
+    assert mixed["contact_1_x_m"][:2].isna().all()
 
 
 def test_a_batch_has_the_table_of_its_descents_and_gives_its_law_back() -> None:
@@ -124,18 +117,19 @@ def test_what_makes_no_table_is_named() -> None:
     how = sledenv.Settings(solver="rigid", max_time=1.0)
     batch = sledenv.simulate_batch(body, law, slope, [launch], how)
     one = sledenv.simulate(body, law, slope, launch, how)
-    for make, kind, message in (
-        (lambda: sledenv.recorded_rebounds(batch, body, [launch]), ValueError, "simulate the batch with keep_rebounds"),
-        (lambda: sledenv.recorded_rebounds(batch, body), ValueError, "launches: must be given with a batch"),
-        (lambda: sledenv.recorded_rebounds(batch, None, [launch]), ValueError, "body: must be given with a batch"),
-        (lambda: sledenv.recorded_rebounds(batch, body, [launch] * 2), ValueError, r"is of shape \(2, 6\), .*\(1, 6\)"),
-        (lambda: sledenv.recorded_rebounds(one, body), ValueError, "must be given with a batch only"),
-        (lambda: sledenv.recorded_rebounds([]), ValueError, "must hold at least one Descent"),
-        (lambda: sledenv.recorded_rebounds([1]), TypeError, "of the type list: must be a Descent or a sequence"),
-        (lambda: sledenv.recorded_poses(one), ValueError, "descent 0: has no trajectory"),
+    rebounds, poses = sledenv.recorded_rebounds, sledenv.recorded_poses
+    for make, arguments, kind, message in (
+        (rebounds, (batch, body, [launch]), ValueError, "simulate the batch with keep_rebounds"),
+        (rebounds, (batch, body), ValueError, "launches: must be given with a batch"),
+        (rebounds, (batch, None, [launch]), ValueError, "body: must be given with a batch"),
+        (rebounds, (batch, body, [launch] * 2), ValueError, r"is of shape \(2, 6\), .*\(1, 6\)"),
+        (rebounds, (one, body), ValueError, "must be given with a batch only"),
+        (rebounds, ([],), ValueError, "must hold at least one Descent"),
+        (rebounds, ([1],), TypeError, "of the type list: must be a Descent or a sequence"),
+        (poses, (one,), ValueError, "descent 0: has no trajectory"),
     ):
         with pytest.raises(kind, match=message):
-            make()
+            make(*arguments)
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
@@ -159,19 +153,6 @@ def test_identify_reads_what_simulate_writes(tmp_path: Path, suffix: str, capsys
         np.stack([one.rebounds[f"{name}_before"] for name in ("u", "v", "omega")], axis=1), rel=1e-9, abs=1e-12
     )
     assert rebounds.place(1) == ("line 3" if suffix == ".csv" else "row 1")
-
-
-@pytest.mark.slow
-def test_a_compliant_trajectory_gives_its_law_and_its_launch_back(tmp_path: Path) -> None:
-    """Oracle: what was simulated; the file is that of the command, with contacts of 13 ms in hundreds of rows."""
-    file = tmp_path / "poses.csv"
-    assert main(["simulate", own_scenario("ice_drop"), "--csv", str(file)]) == 0
-    body, law, slope, launch = given()
-    found = sledenv.identify(file, body, slope, solver="compliant")
-    assert found.used.loc["0", "whole"]
-    for name in ("restitution", "friction", "rolling_arm", "stiffness"):
-        assert found.values[name] == pytest.approx(getattr(law, name), rel=1e-5)
-    assert found.launches["0"] == pytest.approx(launch, abs=1e-6)
 
 
 def test_a_table_in_the_folder_that_is_replaced_is_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

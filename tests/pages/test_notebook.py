@@ -39,7 +39,7 @@ def test_the_frame_of_a_notebook_replays(chromium: Browser, tmp_path: Path) -> N
     chromium.open(file)
     inside = "document.querySelector('iframe').contentDocument"
     wait_until(chromium, f"{inside}.querySelectorAll('#rebounds tbody tr').length > 1")
-    chromium.run("return new Promise(done => setTimeout(done, 500))")  # what follows a descent
+    wait_until(chromium, f"{inside}.querySelector('#python').textContent")
     assert chromium.log() == []
 
 

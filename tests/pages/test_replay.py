@@ -13,14 +13,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv.machine.files import replacing
 from sledenv.pages import html
 from sledenv.pages.kernel import descent_input
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.plot.energy import energy_layers
 from sledenv.plot.riders import pieces
 from sledenv.plot.shapes import film_times, push_at
-from sledenv.plot.trajectories import touches_in
 from sledenv.reproduce.euler import euler_descent
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
@@ -28,16 +26,13 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate
-from sledenv.simulation.support import support_height
 from sledenv.simulation.words import mode_name
 from tests.bodies import HILL, ICE, SLED, rod, run
-from tests.browser import Browser, at_speed, data_of, needs_chromium, patient, wait_until
-from tests.pages.test_play import assert_same, numbers, run_lines, told_result, visit
+from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, needs_chromium, wait_until
+from tests.pages.shown import assert_same, numbers, problem, put, visit, written
 from tests.plot.outlined import RIDDEN, descent_of
 
 ZONED = Slope(0.15, 10.0, zones=(Zone(1.0, 3.0, 0.3, 0.02), Zone(6.0, math.inf, 0.01, 0.0)))
-MOST_BYTES = 700_000
-TEMPLATES = Path(html.__file__).parent / "templates"
 
 
 def dropped(body: Body = SLED, slope: Slope = HILL, **options: Any) -> Descent:
@@ -49,35 +44,30 @@ def descent() -> Descent:
     return dropped()
 
 
-def test_a_page_refers_to_nothing_outside(descent: Descent) -> None:
-    page = replay_page(descent, "a descent")
-    assert not re.search(r"https?:|//[a-z]+\.|@import|<link|\bsrc=|url\(", page)
-    assert "default-src 'none'" in page
-
-
 def test_scripts_and_styles_are_no_templates() -> None:
     """Linters read them as they are, and so must jinja, which includes them in its pages."""
-    files = [*TEMPLATES.glob("*.js"), *TEMPLATES.glob("*.css")]
+    templates = Path(html.__file__).parent / "templates"
+    files = [*templates.glob("*.js"), *templates.glob("*.css")]
     assert len(files) > 5
     assert [file.name for file in files if re.search("{[{%#]", file.read_text(encoding="utf-8"))] == []
 
 
 def test_a_page_holds_what_the_kernel_must_know(descent: Descent) -> None:
-    """Oracle: ``descent_input``, all digits; a descent that the page cannot repeat is written into it instead."""
+    """Oracle: ``descent_input``, all digits."""
     page = replay_page(descent, "a descent")
-    assert len(page.encode()) < MOST_BYTES
+    assert_needs_nothing(page)
     data = data_of(page)
     exact, given = json.loads(data["exact"]), descent_input(descent.body, ICE, HILL, descent.launch, descent.settings)
     assert data["recorded"] is None
-    assert exact["contexts"][0]["law"] == given["law"]
-    assert exact["contexts"][0]["slope"] == given["slope"]
-    assert exact["contexts"][0]["launch"] == given["launch"]
-    assert exact["bodies"][0]["given"] == given["body"]
-    assert exact["bodies"][0]["limits"] == given["limits"]
+    (context,), body = exact["contexts"], exact["bodies"][0]
+    assert [context[name] for name in ("law", "slope", "launch")] == [
+        given[name] for name in ("law", "slope", "launch")
+    ]
+    assert [body["given"], body["limits"]] == [given["body"], given["limits"]]
 
 
 def by_euler() -> Descent:
-    return euler_descent(SLED, ICE, HILL, dropped().launch, step=1e-5, record="trajectory")
+    return euler_descent(SLED, ICE, HILL, dropped().launch, step=1e-3, record="trajectory")
 
 
 def trimmed(body: Body = SLED, slope: Slope = HILL) -> Descent:
@@ -95,7 +85,7 @@ def test_a_page_holds_a_descent_that_it_cannot_repeat(kind: str) -> None:
     assert any("Euler's method, or trimmed" in note for note in data["notes"])
     recorded = json.loads(data["recorded"])
     for name in ("t", "x", "phi", "omega", "normal", "tangential"):
-        assert recorded["rows"][name] == drawable_rows(descent)[name].tolist()
+        assert recorded["trajectory"][name] == descent.trajectory[name].tolist()
     assert recorded["rebounds"]["u_after"] == descent.rebounds["u_after"].tolist()
     assert recorded["jam"]["reward"] == float(descent.jam.reward)
 
@@ -118,68 +108,41 @@ AWAY = State(1.25, 0.9, 7.0, 3.0, -0.2, 0.5)
 SPRING = ContactLaw(1e6, 0.613, 0.05, 0.001)
 BENT = Slope(0.15, 8.5, profile=[(1.5, 0.0), (3.0, -0.3), (4.5, 0.1), (6.0, -0.4), (8.0, 0.0), (9.0, -0.1)])
 ROUND = BENT._replace(rounding=[2.0, 0.9, 0.4, 0.0, 1.5, math.inf])
-REPEATED = {
-    "dropped": dropped,
+SHOWN = {
     "over bends": lambda: dropped(RIDDEN, ROUND),
-    "far": lambda: simulate(SLED, ICE, HILL, AWAY, record="trajectory"),
     "within zones": lambda: dropped(slope=ZONED),
     "settled": lambda: dropped(solver="rigid", settle_speed=0.02),
-    "ridden": lambda: descent_of("ridden", "compliant"),
     "fine": lambda: dropped(sample_interval=0.003, tolerance=1e-10, run_out=1.0, max_rebounds=3),
     "spun": lambda: simulate(SLED, SPRING, HILL, AWAY, record="trajectory", end_on_chord=True),
-}
-UGLY = {
     "no rebounds": lambda: dropped(max_time=1e-3),
     "no time": lambda: dropped(max_time=1e-12),
-    "rigid": lambda: dropped(solver="rigid"),
-    "without end": lambda: dropped(slope=Slope(0.2), max_time=2.0),
-    "long": lambda: dropped(slope=Slope(0.15, 3000.0), max_time=4.0),
+    "without end": lambda: dropped(slope=Slope(0.2, zones=ZONED.zones), max_time=2.0),
+    "long": lambda: dropped(slope=Slope(0.15, 3000.0, zones=ZONED.zones), max_time=4.0),
     "rod": lambda: dropped(rod(2.0, 0.5, 0.17), max_time=1.0),
     "point": lambda: dropped(segment(1.0, 0.0, 0.0, 1.0), max_time=1.0),
     "boulder": lambda: descent_of("boulder", "compliant"),
-    "rider": lambda: descent_of("rider", "compliant"),
     "ridden, rigid": lambda: descent_of("ridden", "rigid"),
-    "zones": lambda: dropped(slope=Slope(0.2, zones=ZONED.zones), max_time=2.0),
-    "long zones": lambda: dropped(slope=Slope(0.15, 3000.0, zones=ZONED.zones), max_time=4.0),
-    "line": lambda: descent_of("line", "rigid"),
     "overflow": lambda: broken(dropped()),
     "euler": by_euler,
-    "trimmed": trimmed,
     "trimmed over bends": lambda: trimmed(RIDDEN, ROUND),
 }
 
 
 def broken(descent: Descent) -> Descent:
-    trajectory, rebounds = descent.trajectory.copy(), descent.rebounds.copy()
+    trajectory, rebounds, outcome = descent.trajectory.copy(), descent.rebounds.copy(), descent.outcome.copy()
     trajectory["x"][40:], trajectory["omega"][60:], rebounds["u_after"][-1] = math.nan, math.inf, math.nan
-    outcome = descent.outcome.copy()
     outcome["x"] = math.nan
-    return replace(
-        descent,
-        trajectory=trajectory,
-        rebounds=rebounds,
-        state=State.found([math.nan] * 6),
-        outcome=outcome,
-        settings=None,
-    )
+    state = State.found([math.nan] * 6)
+    return replace(descent, trajectory=trajectory, rebounds=rebounds, state=state, outcome=outcome, settings=None)
 
 
-def test_a_page_holds_zones_and_the_rider() -> None:
-    """Oracle: the slope of the descent; the pieces that figures show."""
-    zones = json.loads(data_of(replay_page(dropped(slope=ZONED), "zones"))["exact"])["contexts"][0]["slope"]["zones"]
-    assert [(zone["begin"], zone["end"]) for zone in zones] == [(1.0, 3.0), (6.0, "Infinity")]
-    plain = data_of(replay_page(dropped(), "none"))
-    assert "pieces" not in plain["drawn"][0]
+def test_a_page_draws_the_rider_and_the_heavy_side_of_other_bodies() -> None:
+    """Oracle: the pieces that figures show."""
     drawn = data_of(replay_page(descent_of("ridden", "compliant"), "rider"))["drawn"][0]
     assert [piece["part"] for piece in drawn["pieces"]] == [piece.part for piece in pieces(RIDDEN)]
     assert drawn["pieces"][0]["points"] == pytest.approx(pieces(RIDDEN)[0].points, abs=1e-8)
-    boulder = descent_of("boulder", "compliant")
-    shape = data_of(replay_page(boulder, "boulder"))["drawn"][0]
-    outline, heavy = np.array(shape["outline"]), np.array(shape["heavy"])
-    for phi in np.linspace(0.0, 6.0, 25).tolist():
-        lowest = (outline @ (math.sin(phi), math.cos(phi))).min()
-        assert -lowest == pytest.approx(support_height(boulder.body, phi), abs=2e-3 * boulder.body.size)
-    assert heavy[:, 1].max() == pytest.approx(0.0, abs=1e-9)
+    (heavy,) = data_of(replay_page(descent_of("boulder", "compliant"), "boulder"))["drawn"][0]["pieces"]
+    assert max(y for _, y in heavy["points"]) == pytest.approx(0.0, abs=1e-9)
 
 
 def test_a_descent_without_trajectory_is_refused_and_nothing_is_written(descent: Descent, tmp_path: Path) -> None:
@@ -187,39 +150,18 @@ def test_a_descent_without_trajectory_is_refused_and_nothing_is_written(descent:
     page.write_text("older")
     with pytest.raises(ValueError, match='record="trajectory"'):
         write_replay(replace(descent, trajectory=descent.trajectory[:0]), page, "none")
-    assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
     assert page.read_text() == "older"
     write_replay(descent, page, "new")
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
     assert data_of(page.read_text(encoding="utf-8"))["title"] == "new"
 
 
-def test_an_interrupt_leaves_the_older_page(tmp_path: Path) -> None:
-    page = tmp_path / "page.html"
-    page.write_text("older")
-    with pytest.raises(KeyboardInterrupt), replacing(page, ".html") as scratch:  # noqa: PT012
-        scratch.write_text("half")
-        raise KeyboardInterrupt
-    assert [file.read_text() for file in tmp_path.iterdir()] == ["older"]
-
-
-@pytest.mark.parametrize(
-    ("name", "message"),
-    [
-        ("page.png", "page.png: must end in .html"),
-        ("missing/page.html", "there is no folder"),
-        ("folder.html", "folder.html is a folder"),
-    ],
-)
-def test_a_wrong_place_is_named(name: str, message: str, tmp_path: Path) -> None:
-    (tmp_path / "folder.html").mkdir()
-    with pytest.raises(OSError, match=message), replacing(tmp_path / name, ".html"):
-        raise AssertionError("not reached")
+# What a browser shows.
 
 
 @pytest.fixture(scope="module")
 def file(descent: Descent, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return written(tmp_path_factory.mktemp("page"), descent, "a <descent>")
+    return written(tmp_path_factory.mktemp("page"), replay_page(descent, "a <descent>"))
 
 
 @pytest.fixture
@@ -229,59 +171,43 @@ def page(chromium: Browser, file: Path) -> Iterator[Browser]:
     assert chromium.log() == []  # no error, and no request that the page's policy refused
 
 
-def written(folder: Path, descent: Descent, title: str, ghost: Ghost | None = None) -> Path:
-    file = folder / "replay.html"
-    file.write_text(patient(replay_page(descent, title, ghost)), encoding="utf-8")
-    return file
-
-
 def shown_time(page: Browser) -> float:
     return float(page.text("#time").removesuffix(" s"))
 
 
-def sled_columns(page: Browser) -> tuple[float, float]:
-    """Where the sled begins and ends on the screen [px]."""
-    left, right = page.run(
-        "const box = document.querySelector('#sled').getBoundingClientRect(); return [box.left, box.right]"
-    )
-    return left, right
-
-
 @needs_chromium
-def test_the_page_opens_at_the_launch(page: Browser, descent: Descent) -> None:
+@pytest.mark.jit_only
+def test_the_page_opens_at_the_launch_and_what_is_changed_is_simulated(page: Browser, descent: Descent) -> None:
+    """Oracle: ``simulate`` with the friction typed in, all else as given; reset gives the descent back."""
     assert page.text("#title") == "a <descent>"
-    assert str(descent.status) in page.text("#outcome")
     assert shown_time(page) == 0.0
     assert page.text("#contact") == "in flight"
     assert page.run("return document.querySelectorAll('#trace .pose').length") > 2
     assert page.run("return document.querySelectorAll('#rebounds tbody tr').length") == len(descent.rebounds)
-    assert page.run("return document.querySelectorAll('#series svg').length") == 4
-    assert (
-        page.run("return performance.getEntriesByType('resource').filter(one => !one.name.startsWith('blob:'))") == []
-    )
     assert not page.run("return $('maps').open")  # no map of 2,500 launches where nobody asked for one
+    assert_same(page, descent)
+    put(page, "friction", 0.3)
+    assert_same(page, simulate(SLED, ICE._replace(friction=0.3), HILL, descent.launch, record="trajectory"))
+    page.click("#reset")
+    wait_until(page, "!asking && !isChanged('friction')")
+    assert_same(page, descent)
 
 
 @needs_chromium
 @pytest.mark.jit_only
-@pytest.mark.parametrize("name", [*REPEATED, *UGLY])
+@pytest.mark.parametrize("name", SHOWN)
 def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromium: Browser, tmp_path: Path) -> None:
-    """Oracles: the descent, bit for bit; what the lines of Python print; ``energy_layers``; nothing shown is NaN."""
-    descent = (REPEATED | UGLY)[name]()
-    visit(chromium, written(tmp_path, descent, name))
+    """Oracles: the descent, bit for bit; ``energy_layers``; nothing shown is NaN."""
+    descent = SHOWN[name]()
+    visit(chromium, written(tmp_path, replay_page(descent, name)))
     if descent.settings is not None:
         assert_same(chromium, descent)
-        found, moving = numbers(chromium, "contacts"), touches_in(descent.body, descent.trajectory)
-        for column in found.keys() - set(descent.contacts.dtype.names):
-            assert found[column] == pytest.approx(getattr(moving, column), rel=1e-9, abs=1e-12), column
-        assert run_lines(chromium) == told_result(chromium)
-    if name in ("dropped", "over bends", "rigid", "ridden", "trimmed"):
+    if name in ("over bends", "settled", "ridden, rigid"):
         layers = dict(chromium.run("return Object.entries(energiesOf(shown))"))
-        expected = energy_layers(descent, drawable_rows(descent))
-        assert list(layers) == list(expected)
-        scale = max(map(np.max, expected.values()))
-        for kind, values in expected.items():
-            assert np.array(layers[kind]) == pytest.approx(values, abs=1e-6 * scale), kind
+        moving, rest = np.split(np.array(list(energy_layers(descent, drawable_rows(descent)).values())), [3])
+        *shown, left = layers.values()
+        assert np.array(shown) == pytest.approx(moving, rel=1e-9, abs=1e-9)
+        assert left[-1] == pytest.approx(rest[:, -1].sum(), rel=1e-6)
     for share in (0.0, 0.3, 0.6, 1.0):
         chromium.run("show(arguments[0] * filmLength())", share)
         assert "NaN" not in chromium.run("return document.documentElement.outerHTML.split('<script')[0]")
@@ -290,26 +216,14 @@ def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromi
 
 
 @needs_chromium
-def test_what_is_changed_is_simulated(page: Browser, descent: Descent) -> None:
-    """Oracle: ``simulate`` with the friction typed in, all else as given; reset gives the descent back."""
-    put = "$('number-friction').value = 0.3;$('number-friction').dispatchEvent(new Event('input', { bubbles: true }))"
-    page.run(put)
-    wait_until(page, "!asking && shown.scene.law.friction === 0.3")
-    other = simulate(SLED, ICE._replace(friction=0.3), HILL, descent.launch)
-    assert float(page.run("return String(shown.jam.reward)")) == float(other.jam.reward)
-    page.click("#reset")
-    wait_until(page, "!asking && shown.scene.law.friction !== 0.3")
-    assert float(page.run("return String(shown.jam.reward)")) == float(descent.jam.reward)
-
-
-@needs_chromium
 def test_nothing_can_be_changed_where_nothing_can_be_repeated(chromium: Browser, tmp_path: Path) -> None:
-    visit(chromium, written(tmp_path, trimmed(), "trimmed"))
+    visit(chromium, written(tmp_path, replay_page(trimmed(), "trimmed")))
     hidden = "return [...document.querySelectorAll('.simulates')].map(one => one.getClientRects().length)"
     assert set(chromium.run(hidden)) == {0}
     assert chromium.run("return document.querySelectorAll('#live [data-grab]:not(#sled)').length") == 0
     assert "trimmed on its way" in chromium.text("#notes")
-    assert chromium.run("return $('problem').hidden")
+    assert problem(chromium) == ""
+    assert numbers(chromium, "shown.jam") == trimmed().jam._asdict()
 
 
 @needs_chromium
@@ -327,57 +241,45 @@ def test_a_page_follows_the_colours_of_the_reader(page: Browser) -> None:
 
 @needs_chromium
 def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent: Descent, tmp_path: Path) -> None:
-    """Oracle: poses of the simulated descent itself, .1 m farther along the slope."""
+    """Oracle: poses of the simulated descent itself, 0.1 m farther along the slope."""
     times = np.linspace(0.0, descent.time, 40)
-    shift = np.array([0.1, 0.0, 0.0])
-    poses = states_at(descent.trajectory, times)[:, :3] + shift
-    poses[:, 2] += 4.0 * math.pi  # whole turns are left out
-    visit(chromium, written(tmp_path, descent, "recorded", Ghost(times, poses, used=30)))
-    assert chromium.log() == []
+    poses = states_at(descent.trajectory, times)[:, :3] + [0.1, 0.0, 4.0 * math.pi]  # whole turns are left out
+    visit(chromium, written(tmp_path, replay_page(descent, "recorded", Ghost(times, poses, used=30))))
     places = "['#sled', '#ghost'].map(name => document.querySelector(name).getBoundingClientRect().left)"
     sled, recorded = chromium.run(f"return {places}")
-    width = chromium.run(
-        "return document.querySelector('#scene').getBoundingClientRect().width / scene.W * scene.scale"
-    )
+    width = chromium.run("return $('scene').getBoundingClientRect().width / scene.W * scene.scale")
     assert recorded - sled == pytest.approx(0.1 * math.cos(HILL.angle) * width, abs=2.0)
-    assert chromium.run("return document.querySelectorAll('#series svg').length") == 6
-    middle = (
-        "const axes = plots[arguments[0]]; return [axes.low, axes.high, ...[...axes.svg.querySelectorAll('circle')]"
-    )
     for plot, expected in ((3, [100.0] * 40 + [0.0] * 40), (4, [0.0] * 40)):
-        low, high, *rows = chromium.run(f"{middle}.map(one => Number(one.getAttribute('cy')))]", plot)
-        top, foot = chromium.run(
-            "const axes = plots[arguments[0]]; return [axes.row(axes.high), axes.row(axes.low)]", plot
+        dots = "[...axes.svg.querySelectorAll('circle')].map(one => Number(one.getAttribute('cy')))"
+        low, high, top, foot, *rows = chromium.run(
+            f"const axes = plots[arguments[0]]; const {{ low, high }} = axes;"
+            f"return [low, high, axes.row(high), axes.row(low), ...{dots}]",
+            plot,
         )
         values = low + (np.array(rows) - foot) / (top - foot) * (high - low)
         assert values == pytest.approx(np.array(expected), abs=max(0.03 * (high - low), 1e-4))
     chromium.run(f"goTo({descent.time})")
-    colours = chromium.run("return document.querySelector('#ghost').getAttribute('stroke')")
-    assert colours == "var(--line)"  # beyond what was used
+    colour = chromium.run("return document.querySelector('#ghost').getAttribute('stroke')")
+    assert colour == "var(--line)"  # beyond what was used
+    assert chromium.log() == []
 
 
 @needs_chromium
 def test_the_slider_scrubs_through_the_film(page: Browser, descent: Descent) -> None:
     """Oracle: the film of the renderer; one step of the slider is a sixtieth of a second of it."""
     times = film_times(descent, 60.0)
-    start, _ = sled_columns(page)
     page.press("#slider", "\ue014" * 5)  # the right arrow key
     assert shown_time(page) == pytest.approx(times[5], abs=1e-4)
     last = int(page.run("return document.querySelector('#slider').max"))
     seen = []
     for step in (10, last // 3, last // 2, last):
-        page.run(
-            "const slider = document.querySelector('#slider'); slider.value = arguments[0];"
-            "slider.dispatchEvent(new Event('input'))",
-            step,
-        )
+        page.run("$('slider').value = arguments[0]; $('slider').dispatchEvent(new Event('input'))", step)
         time = shown_time(page)
         assert time == pytest.approx(times[min(step, len(times) - 1)], abs=1e-4)
-        x = float(states_at(descent.trajectory, [time])[0, 0])
         told = page.text("#now dd").removesuffix(" m")
-        assert float(told) == pytest.approx(x, abs=2e-3)
-        seen.append(sled_columns(page)[0])
-    assert start < seen[0] < seen[1] < seen[2] < seen[3]
+        assert float(told) == pytest.approx(states_at(descent.trajectory, [time])[0, 0], abs=2e-3)
+        seen.append(page.run("return document.querySelector('#sled').getBoundingClientRect().left"))
+    assert seen == sorted(seen)
     assert page.text("#contact").startswith(("the end: finish", "contact"))
 
 
@@ -397,13 +299,10 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
     assert 1e3 * float(found[1]) == pytest.approx(push.normal, rel=0.02)
     assert float(found[2]) == pytest.approx(abs(push.tangential) / (ICE.friction * push.normal), abs=0.02)
     assert page.run("return document.querySelectorAll('.cone, .force').length") == 2
-    assert page.run("return document.querySelectorAll('#forces svg').length") == 2
     assert page.run("return document.querySelector('tr.current').cells[0].textContent") == "2"
-    page.click("#next")
-    assert page.text("#contact").startswith("contact 3, ")
-    page.click("#previous")
-    page.click("#previous")
-    assert page.text("#contact").startswith("contact 1, ")
+    for key, words in (("next", "contact 3, "), ("previous", "contact 2, "), ("previous", "contact 1, ")):
+        page.click(f"#{key}")
+        assert page.text("#contact").startswith(words)
     page.click("#previous")
     assert shown_time(page) == 0.0
     assert page.run("return document.querySelectorAll('.cone, .force').length") == 0
@@ -412,8 +311,7 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
 @needs_chromium
 def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the places of the zones, which the scene projects; their words are in the picture."""
-    visit(chromium, written(tmp_path, dropped(slope=ZONED), "zones"))
-    assert chromium.log() == []
+    visit(chromium, written(tmp_path, replay_page(dropped(slope=ZONED), "zones")))
     corners = chromium.run(
         "return [...document.querySelectorAll('#scene .zone')].map(one => [...one.points].map(p => [p.x, p.y]))"
     )
@@ -422,21 +320,18 @@ def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) ->
         assert begin == pytest.approx(chromium.run("return scene.pixel(arguments[0], 0)", place), abs=0.02)
         assert end[0] > begin[0]
         assert min(row for _, row in below) > begin[1]
-    assert corners[0][1] == pytest.approx(chromium.run("return scene.pixel(3, 0)"), abs=0.02)
     said = chromium.run(
-        "return [...document.querySelectorAll('#world text')].filter(one => one.textContent.startsWith('friction '))"
-        ".map(one => [one.textContent, one.getBoundingClientRect().bottom])"
+        "return [...document.querySelectorAll('#world text')].map(one => one.textContent)"
+        ".filter(text => text.startsWith('friction '))"
     )
-    bottom = chromium.run("return $('scene').getBoundingClientRect().bottom")
-    assert [text for text, _ in said] == ["friction 0.3", "friction 0.01"]
-    assert max(place for _, place in said) < bottom
+    assert said == ["friction 0.3", "friction 0.01"]
 
 
 @needs_chromium
 def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the trajectory at each touchdown; a body that lies on two parts may be told to touch with either."""
     descent = descent_of("ridden", "compliant")
-    visit(chromium, written(tmp_path, descent, "rider"))
+    visit(chromium, written(tmp_path, replay_page(descent, "rider")))
     marked = (
         "return [...new Set([...document.querySelectorAll('#sled polygon')]"
         ".filter(one => one.getAttribute('fill') === scene.body.touched).map(one => one.dataset.part))]"
@@ -446,10 +341,8 @@ def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> N
         chromium.run("show(shown.film.film[2 * arguments[0] + 1] + 1e-6)", i)
         push = push_at(descent, float(rebound["t_touchdown"]))
         assert push is not None
-        part = RIDDEN.parts[push.feature - 1]
         assert set(chromium.run(marked)) == {RIDDEN.parts[code - 1] for code in push.touches["part"]}
-        assert chromium.text("#contact").startswith(f"contact {i + 1}, {part}: ")
-    assert chromium.log() == []
+        assert chromium.text("#contact").startswith(f"contact {i + 1}, {RIDDEN.parts[push.feature - 1]}: ")
 
 
 @needs_chromium
@@ -462,25 +355,15 @@ def test_a_click_on_a_plot_goes_there(page: Browser, descent: Descent) -> None:
 
 
 @needs_chromium
-def test_letters_are_large_enough_to_read(chromium: Browser, file: Path) -> None:
-    chromium.screen(390, 900)
-    visit(chromium, file)
-    chromium.must_be_readable(390)
-
-
-@needs_chromium
 def test_play_runs_to_the_end_and_pause_stops(page: Browser, descent: Descent) -> None:
-    at_speed(page, 0.001)  # the film does not end while a busy machine is late to look
+    at_speed(page, 0.01)  # the film does not end while a busy machine is late to look
     page.click("#play")
-    assert page.text("#play") == "Pause"
-    wait_until(page, "document.querySelector('#time').textContent !== '0.0000 s'")
+    wait_until(page, "position > 0")
     page.click("#play")
     paused = shown_time(page)
-    assert 0.0 < paused < descent.time
     page.run("return new Promise(done => setTimeout(done, 200))")
-    assert shown_time(page) == paused
+    assert shown_time(page) == paused < descent.time
     at_speed(page, 1000)
     page.click("#play")
-    wait_until(page, "document.querySelector('#play').textContent === 'Play'")
+    wait_until(page, "$('play').textContent === 'Play'")
     assert shown_time(page) == pytest.approx(descent.time, abs=1e-4)
-    assert page.text("#play") == "Play"

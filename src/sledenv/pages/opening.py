@@ -6,7 +6,6 @@ import math
 from typing import Final
 
 from sledenv.pages.play import given_values, page_content, simulating_page, told_setting
-from sledenv.pages.still import still
 from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -47,9 +46,7 @@ def opening_page() -> str:
     assert descent.settings is not None
     return simulating_page(
         page_content([context], [], descent.law, descent.slope, descent.settings),
-        still(descent),
         title=_TITLE,
-        id="ride",
         question=_QUESTION,
         own=0,
         axes=BOTH,

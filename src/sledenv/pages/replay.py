@@ -3,23 +3,20 @@
 from __future__ import annotations
 
 import os
-from typing import Any, Final, NamedTuple
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from sledenv.machine.files import replacing
 from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
-from sledenv.pages.still import still
-from sledenv.plot.trajectories import touches_in
 from sledenv.scenarios.sections import BOTH
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.records import CONTACT_FORCES, FLIGHT_LOSSES
 from sledenv.simulation.scene import State
 from sledenv.simulation.settings import DEFAULT
 from sledenv.simulation.words import setting
 
-_COLUMNS: Final = ("t", *State._fields, "normal", "tangential", "rolling", "feature", "slip", "spin", *FLIGHT_LOSSES)
 _AS_RECORDED = (
     "The numbers of this descent are those that Python has found. It was followed by Euler's method, or trimmed on its "
     "way, which this page does not repeat: nothing can be changed here."
@@ -72,9 +69,7 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     body = NamedBody("body as given", descent.body.typed(), descent.body)
     return simulating_page(
         page_content([context], [body], descent.law, descent.slope, settings),
-        still(descent),
         title=title,
-        id="descent",
         question=setting(*given),
         own=0,
         axes=BOTH,
@@ -109,25 +104,18 @@ def write_replay(descent: Descent, file: str | os.PathLike[str], title: str) -> 
 
 
 def _recorded(descent: Descent) -> str:
-    """What the worker of the page finds of other descents, as JSON."""
-    rows = drawable_rows(descent)
+    """Return what the worker of the page finds of other descents, as JSON."""
+    rows = np.isfinite([descent.trajectory[name] for name in State._fields]).all(axis=0)
+    shown = replace(descent, trajectory=descent.trajectory[rows])  # without a numerical overflow
+    tables = {"rebounds": shown.rebounds, "trajectory": shown.trajectory, "contacts": shown.contacts}
     found: dict[str, Any] = {
+        name: {field: rows[field].tolist() for field in rows.dtype.names or () if field != "contacts"}
+        for name, rows in tables.items()
+    }
+    found |= {
         "status": str(descent.status),
         "outcome": {name: descent.outcome[name].item() for name in descent.outcome.dtype.names or ()},
-        "jam": {name: float(value) for name, value in descent.jam._asdict().items()},
+        "jam": descent.jam._asdict(),
         "launch": descent.launch._asdict(),
-        "rebounds": {name: descent.rebounds[name].tolist() for name in descent.rebounds.dtype.names or ()},
-        "rows": {**{name: rows[name].tolist() for name in _COLUMNS}, "touches": _touches(descent, rows)},
     }
     return exact_text(found)
-
-
-def _touches(descent: Descent, rows: np.ndarray) -> list[list[dict[str, Any]]]:
-    """Contacts of each row, and how the body moves there."""
-    touches = touches_in(descent.body, rows)
-    columns = {name: touches.forces[name].tolist() for name in CONTACT_FORCES.names or ()}
-    columns |= {name: getattr(touches, name).tolist() for name in ("depth", "gap_rate", "slip_velocity")}
-    found: list[list[dict[str, Any]]] = [[] for _ in rows]
-    for row, *cells in zip(touches.forces["row"].tolist(), *columns.values(), strict=True):
-        found[row].append(dict(zip(columns, cells, strict=True)))
-    return found

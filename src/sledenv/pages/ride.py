@@ -11,11 +11,10 @@ from sledenv.pages.html import filled
 from sledenv.pages.kernel import descent_input, packed_kernel
 from sledenv.pages.play import exact_text
 from sledenv.pages.scenes import drawn_body
-from sledenv.pages.still import still
+from sledenv.plot.riders import pieces
 from sledenv.scenarios.scenario import Context, Scenario
 from sledenv.scenarios.sections import RiderSection
 from sledenv.simulation.jam import SHARE_OF_PROGRESS
-from sledenv.simulation.simulate import simulate
 
 
 class Ridden(NamedTuple):
@@ -58,7 +57,6 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill], title: str | None = Non
     if not hills:
         raise ValueError("hills is empty: must hold at least one")
     own = [hill.scenario or scenario for hill in hills]
-    untrimmed = simulate(*own[0].given(hills[0].context), own[0].settings(), record="trajectory")
     exact = {
         "trim": rider.trim_rad_s,
         "rotor_inertia": rider.rotor_inertia_kg_m2,
@@ -67,17 +65,16 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill], title: str | None = Non
     drawn = [drawn_body(one.given(hill.context).body) for one, hill in zip(own, hills, strict=True)]
     content = {
         "title": title or scenario.title,
-        "question": hills[0].scenario.description if hills[0].scenario else scenario.question,
         "named": hills[0].scenario is not None,
         "noise": rider.noise_rad_s,
         "ends": " or ".join(scenario.settings().end_parts),
         "exact": exact_text(exact),
         "drawn": drawn,
         "share": SHARE_OF_PROGRESS,
-        "turns": ("nose up", "nose down") if "pieces" in drawn[0] else ("backwards", "forwards"),
+        "turns": ("nose up", "nose down") if pieces(own[0].given(hills[0].context).body) else ("backwards", "forwards"),
         "kernel": packed_kernel(),
     }
-    return filled("ride.html", data=content, still=still(untrimmed))
+    return filled("ride.html", data=content)
 
 
 def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]:

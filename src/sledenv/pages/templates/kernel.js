@@ -38,19 +38,6 @@ class Kernel {
     }
   }
 
-  /* Where a body is lowest at some orientations [rad]: its arms { a, b } [m], two arrays. The point that touches lies at
-     (-a, -b) from the mass centre, whose height is b then. */
-  arms(body, angles) {
-    this.#clear();
-    const bodies = this.#body(body);
-    const phi = this.#list(angles);
-    const arcs = { place: this.#take(8 * angles.length), lengths: [angles.length] };
-    const arms = { place: this.#take(16 * angles.length), lengths: [angles.length, 2] };
-    this.#call("lowest", bodies, this.#list(angles.map(() => 0)), phi, arcs, arms);
-    const numbers = new Float64Array(this.memory.buffer, arms.place, 2 * angles.length);
-    return { a: numbers.filter((_, i) => i % 2 === 0), b: numbers.filter((_, i) => i % 2 === 1) };
-  }
-
   /* Heights [m] of the mass centre at which a body touches the ground of a slope from above, at a place x [m] and some
      orientations [rad]. */
   heights(body, slope, x, angles) {

@@ -28,12 +28,8 @@ async function simulate() {
     }
     const input = structuredClone(chosen);
     try {
-      const launches = [launchOf(), ...(input.kept ? [input.kept] : [])];
-      const asked = launches.map((launch, i) =>
-        live.ask({ task: "descend", scene: sceneOf(), launch, state: i > 0 ? null : givenLaunch() }),
-      );
-      const [found, kept] = await Promise.all(asked);
-      accept({ ...found, input, kept: kept ? { ...kept, rows: drawable(kept) } : null });
+      const asked = { task: "descend", scene: sceneOf(), launch: launchOf(), state: givenLaunch() };
+      accept({ ...(await live.ask(asked)), input });
       tell(said.length ? `Left out of what the address asks for: ${said.join("; ")}.` : "");
     } catch (error) {
       tell(`The descent was given up: ${error.message}. Change something, and the next one is tried.`);
@@ -44,12 +40,11 @@ async function simulate() {
 }
 
 function accept(found) {
-  const rows = found.rows ?? drawable(found);
-  const film = filmOf(found, rows.t[rows.t.length - 1]);
+  const rows = drawable(found);
+  const film = filmOf(found, rows.t.at(-1));
   const first = shown === null;
   const other = !first && (shown.input.body !== found.input.body || !grabbed);
   shown = { ...found, rows, film };
-  cloud = null;
   selected = clamp(selected, 0, Math.max(found.rebounds.t.length - 1, 0));
   pause();
   position = 0;
@@ -74,7 +69,6 @@ function settled() {
     if (location.protocol !== "about:")
       // a frame of a notebook has no address
       history.replaceState(null, "", address() ? `#${address()}` : location.pathname); // Safari allows few a second
-    refreshCloud();
     refreshMap();
   }, 250);
 }
@@ -86,7 +80,6 @@ function draw() {
   if (!grabbed) {
     // what is not looked at while something is dragged
     drawTable();
-    drawCloud();
     requestDraw();
     drawLedger();
     drawSeries();
@@ -96,23 +89,21 @@ function draw() {
   show(position);
 }
 
-const filmLength = () => shown.film.film[shown.film.film.length - 1];
+const filmLength = () => shown.film.film.at(-1);
 
-function outcomeOf({ status, outcome, jam }) {
-  const line = outcome.t_line < Infinity;
-  return [
+/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
+function drawOutcome() {
+  const { status, outcome, jam } = shown;
+  const pairs = [
     ["status", status.replace("_", " ")],
     ...Object.entries(D.metrics).map(([name, words]) => [words, fixed(jam[name], 3)]),
     ["time", fixed(outcome.t, 3, "s")],
     ["end at x", fixed(outcome.x, 2, "m")],
-    ["speed at the line", line ? fixed(outcome.u_line, 2, "m/s") : "–"],
+    ["speed at the finish", outcome.t_line < Infinity ? fixed(outcome.u_line, 2, "m/s") : "–"],
     ["energy kept", fixed(100 * jam.retention, 1, "%")],
     ["rebounds", String(outcome.rebounds)],
   ];
-}
-
-/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
-function fillList(list, pairs) {
+  const list = $("outcome");
   if (!list.children.length) list.innerHTML = entries(pairs);
   pairs.forEach(([, text], i) => {
     const cell = list.children[i].lastElementChild;
@@ -120,46 +111,29 @@ function fillList(list, pairs) {
   });
 }
 
-function drawOutcome() {
-  fillList($("outcome"), outcomeOf(shown));
-  $("kept").hidden = !shown.kept;
-  if (shown.kept) fillList($("outcome-kept"), outcomeOf(shown.kept));
-  $("keep").textContent = shown.kept ? "Forget the kept launch" : "Keep this launch to compare";
-}
-
-function gripOf({ rebounds, scene: given }, i) {
-  const most = frictionAt(rebounds.x_contact[i], given) * rebounds.normal_impulse[i];
-  return most > 0 ? Math.min(Math.abs(rebounds.tangential_impulse[i]) / most, 1) : 0;
-}
-
 function cellsOf(i) {
-  const { rebounds: R, input } = shown;
+  const { rebounds: R } = shown;
   const change = (name) => `${fixed(R[`${name}_before`][i], 2)} → ${fixed(R[`${name}_after`][i], 2)}`;
-  const loss = R.u_before[i] === 0 ? 0 : clamp(1 - R.u_after[i] / R.u_before[i], 0, 1);
-  const part = R.feature[i] ? E.bodies[input.body].parts[R.feature[i] - 1] : "none";
-  const numbers = [
+  const part = R.feature[i] ? partOf(R.feature[i]) : "none";
+  const stuck = ["", "nearly", "yes"][R.stuck[i]];
+  return [
+    i + 1,
     fixed(R.t[i], 4),
     fixed(R.x[i], 4),
     part,
     D.modes[R.mode[i]],
-    change("u"),
-    change("v"),
-    change("omega"),
+    ...["u", "v", "omega"].map(change),
+    stuck,
   ];
-  return [i + 1, ...numbers, fixed(gripOf(shown, i), 2), fixed(loss, 2), ["", "nearly", "yes"][R.stuck[i]]];
 }
 
 function drawTable() {
-  const count = shown.rebounds.t.length;
-  const rows = Array.from({ length: count }, (_, i) => cellsOf(i));
-  $("rebounds").tHead.innerHTML = `<tr>${D.header.map((name) => `<th>${escaped(name)}</th>`).join("")}</tr>`;
-  $("rebounds").tBodies[0].innerHTML =
-    rows
-      .map(
-        (cells, i) =>
-          `<tr tabindex="0" data-rebound="${i}">${cells.map((cell) => `<td>${escaped(cell)}</td>`).join("")}</tr>`,
-      )
-      .join("") || `<tr><td colspan="${D.header.length}">no rebounds</td></tr>`;
+  const row = (name, cells, more = "") =>
+    `<tr ${more}>${cells.map((one) => `<${name}>${escaped(one)}</${name}>`).join("")}</tr>`;
+  const rows = Array.from(shown.rebounds.t, (_, i) => row("td", cellsOf(i), `tabindex="0" data-rebound="${i}"`));
+  $("rebounds").innerHTML =
+    `<thead>${row("th", D.header)}</thead>` +
+    `<tbody>${rows.join("") || `<tr><td colspan="${D.header.length}">no rebounds</td></tr>`}</tbody>`;
 }
 
 /* What was put in: the energy at launch, and the height that the body has come down. */
@@ -172,56 +146,19 @@ function drawLedger() {
   const total = O.initial - O.potential;
   const lost = losses.reduce((sum, [, value]) => sum + value, 0);
   const residual = O.kinetic + O.potential + O.stored + O.rotor + (lost + O.absorbed) - O.initial - O.work;
-  const share = (value) => clamp(value / total, 0, 1) * 100;
-  $("ledger").innerHTML =
-    `<div class="bar">${parts.map(([, value], i) => `<i style="width:${share(value).toFixed(2)}%;background:${colours[i]}"></i>`).join("")}</div>` +
-    `<dl>${parts
-      .map(
-        ([name, value], i) =>
-          `<div><dt><i style="background:${colours[i]}"></i>${name}</dt><dd>${fixed(value, 2, "J")}</dd></div>`,
-      )
-      .join("")}<div><dt>put in, by launch and height</dt><dd>${fixed(total, 2, "J")}</dd></div>` +
-    `<div><dt>unaccounted for</dt><dd>${residual.toExponential(1).replaceAll("-", "−")} J</dd></div></dl>`;
-}
-
-/* The impulse of one rebound; the cone is drawn as wide as there is room, so both directions have scales of their own. */
-let closest = null; // what is drawn
-
-function drawCloseup(i) {
-  const key = `${i} ${shown.rebounds.t.length}`;
-  if (closest?.of === shown && closest.key === key) return;
-  closest = { of: shown, key };
-  const { rebounds: R, scene: given } = shown;
-  $("cone-title").textContent = R.t.length ? `Rebound ${i + 1} in its friction cone` : "";
-  $("closeup").innerHTML = "";
-  if (!R.t.length) {
-    drawForces(i);
-    return;
-  }
-  const [normal, tangential] = [R.normal_impulse[i], R.tangential_impulse[i]];
-  const most = frictionAt(R.x_contact[i], given) * normal;
-  const wide = 1.15 * Math.max(most, Math.abs(tangential)) || 1;
-  const pixel = (t, n) => [150 + (130 * t) / wide, 172 - (140 * n) / (normal || 1)];
-  const corners = [pixel(0, 0), pixel(-most, normal), pixel(most, normal)].map((point) => point.map(far).join(","));
-  const words = (column, anchor, text) =>
-    `<text x="${column}" y="20" text-anchor="${anchor}" fill="var(--pale)">${text} N s</text>`;
-  $("closeup").innerHTML =
-    `<svg viewBox="0 0 300 185" id="closeup-cone"><polygon points="${corners.join(" ")}" fill="var(--cone)" stroke="var(--line)"/>` +
-    `<line x1="10" y1="172" x2="290" y2="172" stroke="var(--line)" stroke-width="2"/>` +
-    scene.arrow(pixel(0, 0), pixel(tangential, normal), 'fill="var(--force)" stroke="var(--force)"') +
-    words(2, "start", `−f N = ${fixed(-most, 2)}`) +
-    words(298, "end", `f N = ${fixed(most, 2)}`) +
-    "</svg><dl>" +
-    entries([
-      ["normal impulse N", fixed(normal, 2, "N s")],
-      ["tangential impulse", fixed(tangential, 2, "N s")],
-      ["duration", fixed(1e3 * R.duration[i], 2, "ms")],
-      ["largest force", R.peak_force[i] < Infinity ? fixed(R.peak_force[i] / 1e3, 2, "kN") : "rigid"],
-      ["grip", fixed(gripOf(shown, i), 3)],
-      ...D.losses.map((name) => [`lost by ${name}`, fixed(R[`loss_${name}`][i], 2, "J")]),
-    ]) +
-    "</dl>";
-  drawForces(i);
+  const bar = parts.map(
+    ([, value], i) =>
+      `<i style="width:${(clamp(value / total, 0, 1) * 100).toFixed(2)}%;background:${colours[i]}"></i>`,
+  );
+  const told = parts.map(
+    ([name, value], i) =>
+      `<div><dt><i style="background:${colours[i]}"></i>${name}</dt><dd>${fixed(value, 2, "J")}</dd></div>`,
+  );
+  const rest = [
+    ["put in, by launch and height", fixed(total, 2, "J")],
+    ["unaccounted for", `${residual.toExponential(1).replaceAll("-", "−")} J`],
+  ];
+  $("ledger").innerHTML = `<div class="bar">${bar.join("")}</div><dl>${told.join("")}${entries(rest)}</dl>`;
 }
 
 /* The film. */
@@ -234,7 +171,6 @@ function show(where, fromSlider) {
   const begun = shown.rebounds.t_touchdown.findLastIndex((begin) => begin <= t);
   if (begun >= 0) selected = begun;
   if (grabbed) return;
-  drawCloseup(selected);
   tellNow(t);
   for (const row of $("rebounds").tBodies[0].rows)
     row.classList.toggle("current", Number(row.dataset.rebound) === selected);
@@ -318,17 +254,6 @@ document.addEventListener("keydown", (event) => {
 });
 $("previous").addEventListener("click", () => jump(-1));
 $("next").addEventListener("click", () => jump(1));
-$("csv").addEventListener("click", () => {
-  const link = document.createElement("a");
-  link.href = URL.createObjectURL(new Blob([csvOf(shown)], { type: "text/csv" }));
-  link.download = `${D.id}_rebounds.csv`;
-  link.click();
-  setTimeout(() => URL.revokeObjectURL(link.href), 1e4);
-});
-$("keep").addEventListener("click", () => {
-  chosen.kept = chosen.kept ? null : launchOf();
-  changed();
-});
 $("copy").addEventListener("click", () => {
   getSelection().selectAllChildren($("python")); // also where the clipboard is forbidden
   navigator.clipboard?.writeText($("python").textContent).catch(() => {});
@@ -353,8 +278,8 @@ async function openPage() {
   const bytes = await unpacked(D.kernel);
   if (!bytes) return;
   if (D.recorded) {
-    document.querySelector("main").classList.add("recorded");
-    accept({ ...parsed(D.recorded), scene: sceneOf(), input: structuredClone(chosen), kept: null });
+    document.body.classList.add("recorded");
+    accept({ ...parsed(D.recorded), scene: sceneOf(), input: structuredClone(chosen) });
     tell("");
     return;
   }

@@ -7,16 +7,8 @@ const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
 const OWN = ["restitution", "stiffness"]; // which a zone may have
 
 /* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones and
-   vertices of the ground that are null. A launch that is kept, to compare others with it, is in SI units. */
-const start = (context) => ({
-  context,
-  body: E.contexts[context].body,
-  solver: D.solver,
-  changed: {},
-  zones: null,
-  profile: null,
-  kept: null,
-});
+   vertices of the ground that are null. */
+const start = (context) => ({ context, body: E.contexts[context].body, changed: {}, zones: null, profile: null });
 let chosen = start(0);
 
 const here = () => E.contexts[chosen.context];
@@ -93,11 +85,8 @@ function sceneOf() {
   const { gravity, air_density } = here().slope;
   const own = { angle: valueOf("angle"), length: valueOf("length"), gravity, air_density };
   const slope = { ...own, zones: zonesOf(), ...groundOf() };
-  if (chosen.solver === "rigid") {
-    law.restitution = Math.sqrt((1 - asymmetry) / (1 + asymmetry));
-    law.settle_speed = settle;
-  }
-  return { body: { ...given, mass, inertia }, law, slope, limits, solver: chosen.solver, x: here().launch.x };
+  if (D.solver === "rigid") law.settle_speed = settle;
+  return { body: { ...given, mass, inertia }, law, slope, limits, solver: D.solver, x: here().launch.x };
 }
 
 const LAUNCH = ["orientation", "spin", "speed", "fall", "drop"];
@@ -119,23 +108,10 @@ function address() {
   const parts = new URLSearchParams();
   if (chosen.context) parts.set("context", here().name);
   if (chosen.body !== here().body) parts.set("body", bodyOf().name);
-  if (chosen.solver !== D.solver) parts.set("solver", chosen.solver);
   for (const name in PARAMETERS) if (isChanged(name)) parts.set(name, chosen.changed[name]);
   if (chosen.zones) parts.set("zones", chosen.zones.map(zoneText).join(";"));
   if (chosen.profile) parts.set("profile", vertexText(chosen.profile));
-  if (chosen.kept) parts.set("kept", LAUNCH.map((name) => chosen.kept[name]).join(","));
   return parts.toString();
-}
-
-/* A kept launch, and what is wrong with it. */
-function readLaunch(text) {
-  const numbers = text.split(",").map((part) => (part.trim() === "" ? NaN : Number(part)));
-  if (numbers.length !== LAUNCH.length) return { wrong: `kept = ${text}: must be ${LAUNCH.length} numbers` };
-  const wrong = LAUNCH.map((name, i) => problemOf(name, numbers[i] / PARAMETERS[name].factor)).find(
-    (one) => one !== "",
-  );
-  if (wrong) return { wrong: `kept, ${wrong}` };
-  return { kept: Object.fromEntries(LAUNCH.map((name, i) => [name, numbers[i]])) };
 }
 
 function readZones(text) {
@@ -155,35 +131,29 @@ function readZones(text) {
 function readAddress(text) {
   const wrong = [];
   const asked = new URLSearchParams(text);
-  const context = asked.has("context") ? E.contexts.findIndex(({ name }) => name === asked.get("context")) : 0;
-  if (context < 0)
-    wrong.push(`context = ${asked.get("context")}: must be one of ${E.contexts.map(({ name }) => name).join(", ")}`);
-  asked.delete("context");
-  chosen = start(Math.max(context, 0));
+  const placeIn = (list, what, missing) => {
+    if (!asked.has(what)) return missing;
+    const found = list.findIndex(({ name }) => name === asked.get(what));
+    if (found < 0)
+      wrong.push(`${what} = ${asked.get(what)}: must be one of ${list.map(({ name }) => name).join(", ")}`);
+    asked.delete(what);
+    return found < 0 ? missing : found;
+  };
+  chosen = start(placeIn(E.contexts, "context", 0));
+  chosen.body = placeIn(E.bodies, "body", chosen.body);
   for (const [name, value] of asked) {
-    if (name === "body") {
-      const found = E.bodies.findIndex((one) => one.name === value);
-      if (found >= 0) chosen.body = found;
-      else wrong.push(`body = ${value}: must be one of ${E.bodies.map((one) => one.name).join(", ")}`);
-    } else if (name === "solver") {
-      if (["compliant", "rigid"].includes(value)) chosen.solver = value;
-      else wrong.push(`solver = ${value}: must be compliant or rigid`);
-    } else if (name === "zones") chosen.zones = readZones(value);
+    if (name === "zones") chosen.zones = readZones(value);
     else if (name === "profile") chosen.profile = readVertices(value);
-    else if (name === "kept") {
-      const { kept, wrong: found } = readLaunch(value);
-      if (found) wrong.push(found);
-      else chosen.kept = kept;
-    } else if (Object.hasOwn(PARAMETERS, name)) {
+    else if (Object.hasOwn(PARAMETERS, name)) {
       const number = value.trim() === "" ? NaN : Number(value);
       const found = problemOf(name, number);
       if (found) wrong.push(Number.isNaN(number) ? found.replace("nothing", value) : found);
       else chosen.changed[name] = number;
     } else wrong.push(`${name}: there is no such parameter`);
   }
-  const found = problemOfZones(zonesOf(), valueOf("length"));
-  if (found) {
-    wrong.push(found);
+  const wrongZones = problemOfZones(zonesOf(), valueOf("length"));
+  if (wrongZones) {
+    wrong.push(wrongZones);
     chosen.zones = null;
     if (problemOfZones(zonesOf(), valueOf("length"))) delete chosen.changed.length;
   }
@@ -192,7 +162,7 @@ function readAddress(text) {
     wrong.push(wrongGround);
     setVertices(null);
     delete chosen.changed.rounding;
-    if (problemOfGround()) Object.assign(chosen, { body: here().body, solver: D.solver });
+    if (problemOfGround()) chosen.body = here().body;
   }
   return wrong;
 }
@@ -236,29 +206,4 @@ function pythonOf({ scene, launch, input }) {
     `descent = sledenv.simulate(body, law, slope, launch, solver="${solver}", ${settings})`,
     "print(descent.status, float(descent.jam.reward))",
   ].join("\n");
-}
-
-/* What is touched of the ground: ground_name in simulation/outcomes.py. */
-function groundName(code, rounding = []) {
-  const k = Math.floor(code / 2);
-  return `${code % 2 ? (rounding[k] > 0 ? "bend" : "vertex") : "piece"} ${k}`;
-}
-
-/* The table of rebounds that rebound_columns in pages/columns.py gives. */
-function csvOf({ rebounds, launch, input }) {
-  const { parts } = E.bodies[input.body];
-  const words = {
-    feature: (code) => (code ? parts[code - 1] : "none"),
-    ground: (code) => groundName(code),
-    mode: (code) => D.modes[code],
-  };
-  const names = Object.keys(D.columns);
-  const [first, ...others] = Object.values(D.columns);
-  const lines = [[first, "phi_rad", ...others]];
-  for (let i = 0; i < rebounds.t.length; i++) {
-    const [since, phi] = i ? [rebounds.t[i - 1], rebounds.phi[i - 1]] : [0, launch.phi];
-    const [begin, ...cells] = names.map((name) => words[name]?.(rebounds[name][i]) ?? rebounds[name][i]);
-    lines.push([begin, phi + rebounds.omega_before[i] * (begin - since), ...cells]);
-  }
-  return lines.map((cells) => cells.join(",").replaceAll("Infinity", "inf") + "\n").join("");
 }

@@ -1,17 +1,14 @@
 "use strict";
-/* The reward of every launch of a grid, computed by workers: as it is, and under the launch noise. */
+/* The reward that is expected of every launch of a grid under the launch noise, computed by workers. */
 const CELLS = 50; // along each axis
-const COARSE = 5; // cells of which one is computed first, along each axis
 const CHUNK = 40; // launches that a worker is asked for at once
 const DRAWS = 64; // of a noisy hand
-const STARTS = 6; // cells from which the best launch is refined
 const HALVINGS = 3;
 const AXES = D.axes;
 const NOISY = ["orientation", "spin"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
 let crew = null; // workers of maps and clouds
 let map = null;
-let cloud = null;
 
 const errorOf = (name) => (NOISY.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
 
@@ -40,10 +37,7 @@ function refreshMap() {
   }
   crew.forget("rewards");
   const missing = [...map.rewards.keys()].filter((k) => Number.isNaN(map.rewards[k]) && !map.given.has(k));
-  const middle = (k) => k % COARSE === COARSE >> 1;
-  const first = (k) => middle(Math.floor(k / CELLS)) && middle(k % CELLS);
-  for (const cells of [missing.filter(first), missing.filter((k) => !first(k))])
-    for (let i = 0; i < cells.length; i += CHUNK) askRewards(map, cells.slice(i, i + CHUNK));
+  for (let i = 0; i < missing.length; i += CHUNK) askRewards(map, missing.slice(i, i + CHUNK));
   finishMap(map);
 }
 
@@ -77,48 +71,26 @@ function finishMap(one) {
   requestDraw();
 }
 
-/* The expected reward where both errors are normal: the mean of what is linear between the cells. */
+/* The expected reward where both errors are normal: the mean of the cells around, weighted by the density of the errors. */
 function smoothed({ rewards, axes }) {
   const filled = rewards.map((value) => (Number.isNaN(value) ? 0 : value));
-  const [across, up] = axes.map((axis) => weightsOf(errorOf(axis.name), axis.step));
-  return convolved(convolved(filled, across, CELLS, axes[0].turns), up, 1, axes[1].turns);
+  return convolved(convolved(filled, axes[0], CELLS), axes[1], 1);
 }
 
-function convolved(values, weights, stride, turns) {
-  const reach = weights.length >> 1;
+function convolved(values, { name, step, turns }, stride) {
+  const spread = errorOf(name) / step; // in cells
+  const reach = Math.ceil(4 * spread);
+  const weights = Array.from({ length: 2 * reach + 1 }, (_, i) => Math.exp(-0.5 * ((i - reach) / (spread || 1)) ** 2));
+  const all = weights.reduce((sum, one) => sum + one);
   return values.map((_, k) => {
     const place = Math.floor(k / stride) % CELLS;
     let sum = 0;
     for (let d = -reach; d <= reach; d++) {
-      const other = turns ? (((place + d) % CELLS) + CELLS) % CELLS : clamp(place + d, 0, CELLS - 1);
+      const other = turns ? (place + d + CELLS) % CELLS : clamp(place + d, 0, CELLS - 1);
       sum += weights[d + reach] * values[k + (other - place) * stride];
     }
-    return sum;
+    return sum / all;
   });
-}
-
-/* Share of each neighbour, d steps away, in the mean: second differences of the mean of |error + d step|. */
-function weightsOf(error, step) {
-  if (!(error > 0)) return [1];
-  const reach = Math.ceil((4 * error) / step) + 1;
-  const distance = (x) => {
-    const z = Math.abs(x) / error;
-    return x * Math.sign(x) * (2 * normalShare(z) - 1) + 2 * error * Math.exp(-0.5 * z * z) * 0.3989422804014327;
-  };
-  const found = Array.from({ length: 2 * reach + 1 }, (_, i) => {
-    const d = (i - reach) * step;
-    return Math.max((distance(d + step) - 2 * distance(d) + distance(d - step)) / (2 * step), 0);
-  });
-  const sum = found.reduce((total, one) => total + one, 0);
-  return found.map((one) => one / sum);
-}
-
-/* Share of a normal distribution below z >= 0: Abramowitz and Stegun (26.2.17), 1e-7 off at most. */
-function normalShare(z) {
-  const t = 1 / (1 + 0.2316419 * z);
-  const terms = [1.330274429, -1.821255978, 1.781477937, -0.356563782, 0.31938153];
-  const series = terms.reduce((sum, term) => (sum + term) * t, 0);
-  return 1 - Math.exp(-0.5 * z * z) * 0.3989422804014327 * series;
 }
 
 const within = ({ low, high, step }, value) => value >= low - 1e-9 * step && value <= high + 1e-9 * step;
@@ -127,53 +99,41 @@ const valuesOf = (one, k) => placesOf(k).map((place, i) => one.axes[i].values[pl
 const stepOf = (name) => (name === "orientation" ? 0.01 : 0.001); // in which a launch is chosen on a map
 const noisy = () => NOISY.some((name) => errorOf(name) > 0);
 
-/* The best launch of a map, in the unit that a reader sees: of its highest cells that are no neighbours the best, and then
-   thrice the best of some launches around it, half as far each time. All are tried with the same draws of the launch noise.
-   What an agent does not choose stays as it is set. */
+/* The best launch of a map, in the unit that a reader sees: of its highest cell, and then thrice of the launches around it,
+   half as far each time. All are tried with the same draws of the launch noise. What an agent does not choose stays as it
+   is set. */
 async function seekBest(one) {
   const held = AXES.map((name) => (D.free.includes(name) ? null : shownOf(name)));
   const key = String(held);
   if (one.best?.key === key && one.best.refined) return;
   const own = (one.sought = {}); // what was sought before is given up
-  let tried = startsOf(one, held);
-  let best = { key, launch: tried[0], refined: false };
-  one.best = best;
-  for (let level = 0; level <= HALVINGS; level++) {
+  let tried = [inside(one, valuesOf(one, highestCell(one, held)), held)];
+  const best = (one.best = { key, launch: tried[0], reward: -Infinity, refined: false });
+  for (let share = 0.5; share > 0.5 ** (HALVINGS + 2); share /= 2) {
     const rewards = await Promise.all(tried.map((launch) => meanReward(one, launch)));
     if (one !== map || one.sought !== own) return;
-    rewards.forEach((reward, i) => {
-      if (!(reward <= best.reward)) best = { key, launch: tried[i], reward, refined: false };
-    });
-    one.best = best;
-    tried = around(one, best.launch, held, 0.5 ** (level + 1));
+    const highest = Math.max(...rewards);
+    if (highest > best.reward) Object.assign(best, { launch: tried[rewards.indexOf(highest)], reward: highest });
+    tried = around(one, best.launch, held, share);
   }
   best.refined = true;
   requestDraw();
 }
 
-function startsOf(one, held) {
-  const row = (i) => Math.round((held[i] - one.axes[i].values[0]) / one.axes[i].step);
-  const fits = (place, i) =>
-    held[i] === null ? within(one.axes[i], one.axes[i].values[place]) : place === clamp(row(i), 0, CELLS - 1);
-  const found = [];
-  for (const k of [...one.expected.keys()].sort((a, b) => one.expected[b] - one.expected[a])) {
-    const near = (other) => placesOf(other).every((place, i) => Math.abs(place - placesOf(k)[i]) <= 1);
-    if (placesOf(k).every(fits) && !found.some(near)) found.push(k);
-    if (found.length === STARTS) break;
-  }
-  return found.map((k) => inside(one, valuesOf(one, k), held));
+function highestCell(one, held) {
+  const row = (i) => clamp(Math.round((held[i] - one.axes[i].values[0]) / one.axes[i].step), 0, CELLS - 1);
+  const fits = (place, i) => (held[i] === null ? within(one.axes[i], one.axes[i].values[place]) : place === row(i));
+  return [...one.expected.keys()]
+    .filter((k) => placesOf(k).every(fits))
+    .reduce((best, k) => (one.expected[k] > one.expected[best] ? k : best));
 }
 
+/* The launches beside one, so many cells away. */
 function around(one, launch, held, share) {
   const [across, up] = held.map((value) => (value === null ? [-share, 0, share] : [0]));
-  const shifts = across.flatMap((x) => up.map((y) => [x, y])).filter((shift) => shift.some((part) => part !== 0));
-  return shifts.map((shift) =>
-    inside(
-      one,
-      launch.map((value, i) => value + shift[i] * one.axes[i].step),
-      held,
-    ),
-  );
+  const shifts = across.flatMap((x) => up.map((y) => [x, y]));
+  const shifted = shifts.map((shift) => launch.map((value, i) => value + shift[i] * one.axes[i].step));
+  return shifted.map((values) => inside(one, values, held));
 }
 
 /* Within the bounds, in steps in which one can be chosen. */
@@ -219,17 +179,14 @@ const shade = (value) => {
   return [0, 2, 4].map((shift) => Math.round(part(i, shift) + (place - i) * (part(i + 1, shift) - part(i, shift))));
 };
 
-/* A cell that is not known yet has the colour of the coarse one around it. */
 function pictureOf(values) {
   const canvas = document.createElement("canvas");
   canvas.width = canvas.height = CELLS;
   const pen = canvas.getContext("2d");
   const image = pen.createImageData(CELLS, CELLS);
-  const coarse = (i) => i - (i % COARSE) + (COARSE >> 1);
   for (let i = 0; i < CELLS; i++)
     for (let j = 0; j < CELLS; j++) {
-      const own = values[i * CELLS + j];
-      const value = Number.isNaN(own) ? values[coarse(i) * CELLS + coarse(j)] : own;
+      const value = values[i * CELLS + j];
       if (!Number.isNaN(value)) image.data.set([...shade(value), 255], 4 * ((CELLS - 1 - j) * CELLS + i));
     }
   pen.putImageData(image, 0, 0);
@@ -278,13 +235,6 @@ function drawChart(svg, values) {
     `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
   );
   if (map.best) parts.push(star(...map.best.launch, chart));
-  const mark = (launch, stroke, name) => {
-    const [a, b] = AXES.map((axis) => launch[axis] / PARAMETERS[axis].factor);
-    const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
-    return within(x, a) && within(y, b)
-      ? `<circle class="${name}" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${stroke}" stroke-width="2.5"/>`
-      : "";
-  };
   for (const one of marksShown()) {
     const [a, b] = AXES.map((name) => placeOfMark(one, name));
     parts.push(
@@ -292,8 +242,13 @@ function drawChart(svg, values) {
         `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
     );
   }
-  if (chosen.kept) parts.push(mark(chosen.kept, KEPT, "kept"));
-  parts.push(mark(launchOf(), HAND, "cursor"));
+  const launch = launchOf();
+  const [a, b] = AXES.map((name) => launch[name] / PARAMETERS[name].factor);
+  const place = `cx="${far(column(a))}" cy="${far(row(b))}" r="6" fill="none"`;
+  if (within(x, a) && within(y, b))
+    parts.push(
+      `<circle class="cursor" ${place} stroke="#fff" stroke-width="4.5"/><circle ${place} stroke="${HAND}" stroke-width="2.5"/>`,
+    );
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.innerHTML = parts.join("");
 }
@@ -310,8 +265,7 @@ const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
 /* Marks are of the context as the page began, whatever launch is chosen. */
 function marksShown() {
   const same = Object.keys(chosen.changed).every((name) => ["orientation", "spin", "speed"].includes(name));
-  const plain =
-    same && !chosen.zones && !chosen.profile && chosen.body === here().body && chosen.solver === "compliant";
+  const plain = same && !chosen.zones && !chosen.profile && chosen.body === here().body;
   return plain ? here().marks : [];
 }
 
@@ -333,9 +287,7 @@ function drawMarks() {
 function drawMaps() {
   if (!map) return;
   drawMarks();
-  $("noisy").hidden = !noisy();
-  drawChart($("map"), map.rewards);
-  if (noisy()) drawChart($("map-noisy"), map.expected ?? new Float64Array(CELLS * CELLS).fill(NaN));
+  drawChart($("map"), map.expected ?? map.rewards);
   $("best").disabled = !map.best?.refined;
   $("map-words").textContent = mapWords();
 }
@@ -388,11 +340,9 @@ function onArrow(event) {
   event.preventDefault();
 }
 
-for (const id of ["map", "map-noisy"]) {
-  $(id).addEventListener("pointerdown", pick);
-  $(id).addEventListener("pointermove", pick);
-  $(id).addEventListener("keydown", onArrow);
-}
+$("map").addEventListener("pointerdown", pick);
+$("map").addEventListener("pointermove", pick);
+$("map").addEventListener("keydown", onArrow);
 $("maps").addEventListener("toggle", () => {
   if (shown) refreshMap();
 });
@@ -416,48 +366,4 @@ function noisyOf(launch) {
     orientation: launch.orientation + one * valueOf("error_orientation"),
     spin: launch.spin + other * valueOf("error_spin"),
   }));
-}
-
-async function refreshCloud() {
-  crew.forget("paths");
-  cloud = null;
-  drawCloud();
-  if (problem() || !noisy()) return;
-  const own = {};
-  cloud = own;
-  const launches = noisyOf(launchOf());
-  const setting = sceneOf();
-  try {
-    const parts = Array.from({ length: 8 }, (_, i) => launches.filter((_launch, k) => k % 8 === i));
-    const found = await Promise.all(
-      parts.map((part) => crew.ask({ task: "paths", scene: setting, launches: part }, 5, true)),
-    );
-    if (cloud !== own) return;
-    own.paths = found.flat();
-  } catch (error) {
-    own.error = error.message;
-  }
-  drawCloud();
-}
-
-function drawCloud() {
-  const paths = cloud?.paths ?? [];
-  if (!$("cloud")) return; // no scene yet
-  $("cloud").innerHTML = paths
-    .map(({ path }) => {
-      const points = [];
-      for (let i = 0; i < path.length; i += 2) points.push(scene.at(path[i], path[i + 1]));
-      return `<polyline points="${points.join(" ")}" fill="none" stroke="${HAND}" stroke-opacity="0.22"/>`;
-    })
-    .join("");
-  $("cloud-words").textContent = cloud?.error ? `A noisy hand: ${cloud.error}.` : paths.length ? cloudWords(paths) : "";
-}
-
-function cloudWords(paths) {
-  const mean = paths.reduce((sum, { reward }) => sum + reward, 0) / paths.length;
-  const counts = {};
-  for (const { status } of paths) counts[status] = (counts[status] ?? 0) + 1;
-  const ends = Object.entries(counts).sort((a, b) => b[1] - a[1]);
-  const words = ends.map(([status, count]) => `${count} ${status.replace("_", " ")}`).join(", ");
-  return `${paths.length} launches with the errors of a noisy hand: mean reward ${fixed(mean, 3)}; ${words}.`;
 }

@@ -8,6 +8,12 @@ const GROUPS = {
   body: "Body",
   hand: "Errors of a noisy hand (standard deviations)",
 };
+const BELOW = {
+  slope: '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>',
+  ground:
+    '<p class="hint">Bends have this radius, or a smaller one where the pieces beside them are too short.</p>' +
+    '<button id="flat" type="button">Flat ground</button>',
+};
 const HIGHEST = 1000; // of a slider whose steps are factors
 const SLID = 10; // by a slider of what has no upper end
 
@@ -40,18 +46,11 @@ function zoneRow(zone, k) {
 
 function buildPanel() {
   $("groups").innerHTML = Object.entries(GROUPS)
+    .filter(([group]) => group !== "ground" || canHaveBumps())
     .map(([group, title], i) => {
       const rows = E.parameters.filter((one) => one.group === group).map(rowOf);
-      const zones =
-        group === "slope"
-          ? '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>'
-          : group === "ground"
-            ? '<p class="hint">Bends have this radius, or a smaller one where the pieces beside them are too short.</p>' +
-              '<button id="vertex" type="button">Add a vertex</button> <button id="flat" type="button">Flat ground</button>' +
-              '<details><summary>Vertices of the ground</summary><div id="vertices"></div></details>'
-            : "";
       const open = i === 0 || window.innerWidth > 860;
-      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${zones}</details>`;
+      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${BELOW[group] ?? ""}</details>`;
     })
     .join("");
   $("contexts").hidden = E.contexts.length < 2;
@@ -67,14 +66,14 @@ function fillPanel() {
   if (grabbed) return;
   $("chosen-context").value = chosen.context;
   $("chosen-body").value = chosen.body;
-  $("chosen-solver").value = chosen.solver;
   if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = zonesOf().map(zoneRow).join("");
-  fillVertices();
+  if (canHaveBumps()) $("flat").disabled = !verticesOf().length;
   $("add").disabled = zonesOf().length >= D.most_zones;
 }
 
 function fillRows(names) {
   for (const name of names) {
+    if (!$(`number-${name}`)) continue; // of bumps that this page does not have
     const value = shownOf(name);
     document.querySelector(`[data-slider="${name}"]`).value = toSlider(
       PARAMETERS[name],
@@ -99,16 +98,14 @@ function addZone() {
 }
 
 function onInput({ target }) {
-  const { slider, number: name, zone, field, vertex, axis } = target.dataset;
+  const { slider, number: name, zone, field } = target.dataset;
   const typed = target.value.trim() === "" ? NaN : Number(target.value);
   if (slider) chosen.changed[slider] = fromSlider(PARAMETERS[slider], typed);
   else if (name) chosen.changed[name] = typed;
   else if (zone) {
     const value = field === "end" && target.value.trim() === "" ? Infinity : typed;
     chosen.zones = zonesOf().map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
-  } else if (vertex) setVertices(verticesOf().map((one, k) => (k === Number(vertex) ? one.with(axis, typed) : one)));
-  else if (target.id === "chosen-context") chosen = start(Number(target.value));
-  else if (target.id === "chosen-solver") chosen.solver = target.value;
+  } else if (target.id === "chosen-context") chosen = start(Number(target.value));
   else if (target.id === "chosen-body") {
     chosen.body = Number(target.value);
     for (const own of ["mass", "gyration"]) delete chosen.changed[own];
@@ -121,9 +118,7 @@ function onPress({ target }) {
   if (target.id === "add") addZone();
   else if (target.id === "reset") chosen = start(chosen.context);
   else if (target.dataset.remove) chosen.zones = zonesOf().filter((_, k) => k !== Number(target.dataset.remove));
-  else if (target.id === "vertex") addVertex();
   else if (target.id === "flat") setVertices([]);
-  else if (target.dataset.drop) setVertices(removed(Number(target.dataset.drop)));
   else return;
   target.blur(); // so that the zones are shown anew
   changed();

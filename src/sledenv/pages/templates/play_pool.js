@@ -51,11 +51,9 @@ class Pool {
   }
 
   /* A promise of what a task of play_worker.js returns; it fails if that takes too long. */
-  ask(message, descents = 1, first = false) {
+  ask(message, descents = 1) {
     return new Promise((resolve, reject) => {
-      const task = { message, seconds: PATIENCE * descents, resolve, reject };
-      if (first) this.waiting.unshift(task);
-      else this.waiting.push(task);
+      this.waiting.push({ message, seconds: PATIENCE * descents, resolve, reject });
       this.#next();
     });
   }

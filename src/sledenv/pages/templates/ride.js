@@ -18,29 +18,23 @@ let clock = 0;
 const you = () => riders[0];
 const isRunning = (rider) => rider.status === "running";
 const atTakeoff = () => isRunning(you()) && time >= you().outcome.t;
-const lastTime = () => Math.max(...riders.map(({ outcome }) => outcome.t));
-const isOver = () => !isRunning(you()) && time >= lastTime();
+const isOver = () => !isRunning(you()) && time >= you().outcome.t;
 
 /* Rides. A trim in [-1, 1] turns counterclockwise; an unsteady rider adds an error, but one of a trim not yet taken is not
    known. */
 async function ride(trims, known = trims.length) {
   const spins = trims.map((trim, k) => E.trim * trim + ((k < known && hill.errors[k]) || 0));
-  const found = await live.ask({
-    task: "ride",
-    scene: hill.scene,
-    ride: { rotor_inertia: E.rotor_inertia, spins },
-  });
+  const asked = { task: "ride", scene: hill.scene, ride: { rotor_inertia: E.rotor_inertia, spins } };
+  const found = await live.ask(asked);
   const last = found.status === "running" ? [found.outcome] : []; // the next flight would write this row
-  const rows = Object.fromEntries(
-    COLUMNS.map((name) => [name, [...found.trajectory[name], ...last.map((one) => one[name])]]),
-  );
-  return { ...found, rows };
+  const column = (name) => [...found.trajectory[name], ...last.map((one) => one[name])];
+  return { ...found, rows: Object.fromEntries(COLUMNS.map((name) => [name, column(name)])) };
 }
 
-async function openHill(number) {
-  const chosen = E.hills[number];
+async function openHill(chosen) {
   [hill, going, asking] = [chosen, false, true];
   put($("question"), chosen.question);
+  $("hill").selectedIndex = E.hills.indexOf(chosen);
   const named = [{ name: "you", trims: [] }, ...chosen.rides];
   try {
     const found = await Promise.all(named.map(({ trims }) => ride(trims)));
@@ -108,7 +102,6 @@ function takeBack() {
 const trimOf = () => 0 - Number($("trim").value);
 const trimWords = (trim) =>
   trim === 0 ? "no trim" : `${D.turns[trim > 0 ? 0 : 1]} ${fixed(Math.abs(E.trim * trim), 2, "rad/s")}`;
-const trimMark = (trim) => (trim === 0 ? "0" : `${trim > 0 ? "▲" : "▼"} ${Math.abs(E.trim * trim).toFixed(2)}`);
 
 function setTrim(value) {
   $("trim").value = clamp(value, -1, 1).toFixed(2);
@@ -140,114 +133,88 @@ async function lookAhead() {
 }
 
 function drawAhead({ rows, rebounds }, begin) {
-  const landing = rebounds.t_touchdown.find((touchdown) => touchdown > begin + 1e-9) ?? rows.t[rows.t.length - 1];
+  const landing = rebounds.t_touchdown.find((touchdown) => touchdown > begin + 1e-9) ?? rows.t.at(-1);
   const points = rows.t.flatMap((t, i) => (t >= begin && t <= landing ? [[rows.x[i], rows.y[i]]] : []));
-  const { x, y, phi } = stateAt(rows, landing);
+  const pose = stateAt(rows, landing);
   const dashed = 'fill="none" stroke="var(--ink)" stroke-width="1.5" stroke-dasharray="5 4"';
   $("ahead").innerHTML =
-    `<polyline points="${[...points, [x, y]].map((one) => close.at(...one)).join(" ")}" ${dashed}/>` +
-    `<polygon points="${close.outline(close.body.outline, x, y, phi)}" ${dashed}/>`;
+    `<polyline points="${[...points, [pose.x, pose.y]].map((one) => close.at(...one)).join(" ")}" ${dashed}/>` +
+    `<polygon points="${close.outline(close.body.outline, pose)}" ${dashed}/>`;
 }
 
 /* The pictures. */
 function fit() {
   const { slope: given, launch } = hill.scene;
   const { size } = hill;
-  const line = lineOf(own.pieces(given), size);
-  const slope = { line, angle: given.angle, length: given.length < Infinity ? given.length : null };
+  const slope = {
+    ...given,
+    line: lineOf(own.pieces(given), size),
+    length: given.length < Infinity ? given.length : null,
+  };
   const body = D.drawn[E.hills.indexOf(hill)];
   const width = clamp($("controls").clientWidth, 260, 1160);
-  const points = riders.flatMap(({ rows }) => rows.x.map((x, i) => [x, rows.y[i]]));
-  const scale = clamp(width / 16, 36, 72) * Math.min(1, 1.5 / size); // [px/m]
-  close = new Scene({ slope, body, size, close: scale }, [[launch.x, launch.y]], width, [0, width < 450 ? 330 : 400]);
-  whole = new Scene({ slope, body, size, close: 0 }, thinned(points, 500), width, [60, 200]);
-  for (const [id, scene] of [
-    ["scene", close],
-    ["strip", whole],
-  ])
+  const step = Math.ceil(you().rows.x.length / 500);
+  const points = riders.flatMap(({ rows }) => rows.x.map((x, i) => [x, rows.y[i]]).filter((_, i) => i % step === 0));
+  const long = bounds(body.outline.map(([x]) => x)).reduce((tail, tip) => tip - tail); // [m]
+  const scale = (width < 450 ? 0.2 : 0.14) * (width / long); // [px/m]: the share of the picture that the body has
+  close = new Scene({ slope, body, size, close: scale }, [[launch.x, launch.y]], width, [0, width < 450 ? 250 : 340]);
+  whole = new Scene({ slope, body, size, close: 0 }, points, width, [40, 130]);
+  for (const [id, scene] of Object.entries({ scene: close, strip: whole }))
     $(id).setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
-  const last = Math.max(...points.map(([x]) => x));
-  const ghosts = riders.slice(1).map(({ colour }, i) => {
-    const outline = close.outline(body.outline, 0, 0, 0);
-    return `<polygon id="rider-${i + 1}" points="${outline}" fill="${colour}" fill-opacity="0.4" stroke="${colour}"/>`;
-  });
+  const last = bounds(points.map(([x]) => x))[1];
+  const outline = close.outline(body.outline, { x: 0, y: 0, phi: 0 });
+  const ghosts = riders
+    .slice(1)
+    .map(
+      ({ name, colour }, i) =>
+        `<polygon id="rider-${i + 1}" points="${outline}" fill="${colour}" fill-opacity="0.35" stroke="${colour}" stroke-width="2" stroke-dasharray="6 3"/>` +
+        `<text id="name-${i + 1}" text-anchor="middle" font-weight="600" fill="${colour}">${escaped(name.split(" ")[0])}</text>`,
+    );
   const past = riders.map((_, i) => `<clipPath id="past-${i}"><rect y="-1e5" x="-1e5" height="2e5"/></clipPath>`);
   $("scene").innerHTML =
     `${close.sky()}<defs>${past.join("")}</defs><g id="world">${close.ground(0, last)}<g id="paths"></g>` +
-    `<g id="ahead"></g>${ghosts.join("")}${close.sled(0, 0, 0, 'id="rider-0"')}</g>`;
-  $("strip").innerHTML =
-    `${whole.sky()}${whole.ground(0, last)}<g id="marks"></g>` +
-    riders
-      .map(({ colour }, i) => `<circle id="dot-${i}" r="${i ? 4.5 : 6}" fill="${colour}" stroke="var(--paper)"/>`)
-      .reverse()
-      .join("");
-  $("riders").innerHTML = riders
-    .map(
-      ({ name, colour }) =>
-        `<div class="rider" style="--own: ${colour}"><p>${escaped(name)}</p><p class="score"></p><p class="how"></p>` +
-        '<svg class="trims" viewBox="0 0 240 48" preserveAspectRatio="xMinYMid" role="img"></svg></div>',
-    )
-    .join("");
+    `<g id="ahead"></g>${ghosts.join("")}${close.sled({ x: 0, y: 0, phi: 0 }, 'id="rider-0"')}</g>`;
+  const dots = riders.map(
+    ({ colour }, i) => `<circle id="dot-${i}" r="${i ? 4.5 : 6}" fill="${colour}" stroke="var(--paper)"/>`,
+  );
+  $("strip").innerHTML = `${whole.sky()}${whole.ground(0, last)}${dots.reverse().join("")}`;
+  const cards = riders.map(
+    ({ name, colour }) =>
+      `<div class="rider" style="--own: ${colour}"><p>${escaped(name)}</p><p class="score"></p><p class="how"></p></div>`,
+  );
+  $("riders").innerHTML = cards.join("");
   drawPaths();
   show();
   lookAhead();
 }
 
-function thinned(points, most) {
-  const step = Math.ceil(points.length / most);
-  return points.filter((_, i) => i % step === 0);
-}
-
 /* The paths, as far as they are known: a clip hides what is to come. And what the visitor has chosen so far. */
 function drawPaths() {
-  const marks = you().trims.map((trim, k) => ({ ...you().takeoffs[k], trim }));
-  const apart = 3 / close.scale;
-  $("paths").innerHTML =
-    riders
-      .map(({ rows, colour }, i) => {
-        let last = -Infinity;
-        const points = rows.x.flatMap((x, k) => (x - last > apart ? [[(last = x), rows.y[k]]] : []));
-        return `<g clip-path="url(#past-${i})">${close.path(points, colour)}</g>`;
-      })
-      .reverse()
-      .join("") +
-    marks
-      .map(({ x, y, trim }) => {
-        const [column, row] = close.pixel(x, y);
-        return (
-          `<circle cx="${far(column)}" cy="${far(row)}" r="4" fill="var(--blue)"/>` +
-          `<text x="${far(column)}" y="${far(row - 0.8 * hill.size * close.scale)}" text-anchor="middle" fill="var(--ink)">${trimMark(trim)}</text>`
-        );
-      })
-      .join("");
-  $("marks").innerHTML = marks
-    .map(({ x, y, trim }) => {
-      const [column, row] = whole.pixel(x, y);
-      const tip = row - 8 - 6 * Math.sign(trim);
-      return `<polygon points="${far(column - 4)},${far(row - 8)} ${far(column + 4)},${far(row - 8)} ${far(column)},${far(tip)}" fill="var(--blue)" stroke="var(--blue)"/>`;
-    })
-    .join("");
+  const paths = riders.map(({ rows, colour }, i) => `<g clip-path="url(#past-${i})">${close.path(rows, colour)}</g>`);
+  const marks = you().trims.map((trim, k) => {
+    const [column, row] = close.pixel(you().takeoffs[k].x, you().takeoffs[k].y);
+    const said = trim === 0 ? "0" : `${trim > 0 ? "▲" : "▼"} ${Math.abs(E.trim * trim).toFixed(2)}`;
+    return words(column, row - hill.size * close.scale, said, "var(--ink)");
+  });
+  $("paths").innerHTML = paths.reverse().join("") + marks.join("");
   $("ahead").innerHTML = "";
-}
-
-/* What moves the picture so that the visitor is in it: steadily, as the ground around goes. */
-function camera({ x, y }) {
-  const around = Array.from({ length: 13 }, (_, i) => close.height(x + i - 6));
-  const [column, row] = close.pixel(x, y);
-  const [, ground] = close.pixel(x, around.reduce((sum, one) => sum + one) / around.length);
-  const down = Math.max(0.66 * close.H - ground, 0.2 * close.H - row);
-  return `translate(${(0.32 * close.W - column).toFixed(2)} ${down.toFixed(2)})`;
 }
 
 function show() {
   riders.forEach((rider, i) => {
     const state = stateAt(rider.rows, time);
+    const [column, row] = close.pixel(state.x, state.y);
     $(`rider-${i}`).setAttribute("transform", close.moved(state));
-    $(`past-${i}`).firstElementChild.setAttribute("width", far(1e5 + close.pixel(state.x, state.y)[0]));
-    const [column, row] = whole.pixel(state.x, state.y);
-    $(`dot-${i}`).setAttribute("transform", `translate(${far(column)} ${far(row)})`);
-    if (i === 0) $("world").setAttribute("transform", camera(state));
-    showRider(rider, $("riders").children[i], state);
+    $(`past-${i}`).firstElementChild.setAttribute("width", far(1e5 + column));
+    $(`dot-${i}`).setAttribute("transform", `translate(${whole.pixel(state.x, state.y).map(far)})`);
+    if (i === 0) $("world").setAttribute("transform", close.camera(state));
+    else {
+      $(`name-${i}`).setAttribute("x", far(column));
+      $(`name-${i}`).setAttribute("y", far(row - hill.size * close.scale - 14 * i));
+    }
+    const [, score, how] = $("riders").children[i].children;
+    put(score, scoreOf(rider, state.x).toFixed(3));
+    put(how, howOf(rider, state.x));
   });
   const stopped = isOver() ? "Ride again" : atTakeoff() ? "Fly" : time > 0 ? "Go on" : "Start";
   put($("go"), going ? "Pause" : stopped);
@@ -265,46 +232,25 @@ const scoreOf = (rider, x) => (hasEnded(rider) ? rider.jam.reward : D.share * cl
 function howOf(rider, x) {
   const { outcome, contacts, status } = rider;
   if (!hasEnded(rider)) return `is at ${fixed(x, 1, "m")}`;
-  const where = `at ${fixed(outcome.x, 1, "m")}`;
-  const line = outcome.t_line < Infinity ? ", behind the finish" : "";
   if (status === "finish") return `finished at ${fixed(outcome.u_line, 1, "m/s")}, after ${fixed(outcome.t, 2, "s")}`;
-  if (status === "tumbled") {
-    const last = contacts.row.at(-1);
-    const parts = [...contacts.part].filter((_, k) => contacts.row[k] === last).map((code) => hill.parts[code - 1]);
-    const falls = [...new Set(parts)].filter((part) => hill.ends.includes(part));
-    return `fell ${where}${line}: ${falls.join(" and ")} on the snow`;
-  }
-  return `${ENDS[status] ?? "was given up"} ${where}${line}`;
-}
-
-function showRider(rider, card, { x }) {
-  put(card.children[1], scoreOf(rider, x).toFixed(3));
-  put(card.children[2], howOf(rider, x));
-  const taken = rider.trims.filter((_, k) => rider.takeoffs[k]?.t <= time); // the ride may have ended before the last
-  const bars = card.children[3];
-  if (bars.dataset.count === String(taken.length) && bars.dataset.of === String(rider.trims)) return;
-  Object.assign(bars.dataset, { count: taken.length, of: rider.trims });
-  const wide = Math.min(16, 236 / taken.length);
-  bars.setAttribute("aria-label", `trims so far: ${taken.map(trimWords).join(", ") || "none"}`);
-  bars.innerHTML =
-    '<line x1="0" x2="240" y1="24" y2="24" stroke="var(--line)"/>' +
-    taken
-      .map((trim, k) => {
-        const high = Math.max(22 * Math.abs(trim), 1);
-        const top = trim > 0 ? 24 - high : 24;
-        return `<rect x="${(2 + k * wide).toFixed(1)}" y="${top.toFixed(1)}" width="${(0.75 * wide).toFixed(1)}" height="${high.toFixed(1)}" fill="var(--own)"/>`;
-      })
-      .join("");
+  const where = `at ${fixed(outcome.x, 1, "m")}${outcome.t_line < Infinity ? ", behind the finish" : ""}`;
+  if (status !== "tumbled") return `${ENDS[status] ?? "was given up"} ${where}`;
+  const last = contacts.row.at(-1);
+  const parts = [...contacts.part].filter((_, k) => contacts.row[k] === last).map((code) => hill.parts[code - 1]);
+  const falls = [...new Set(parts)].filter((part) => hill.ends.includes(part));
+  return `fell ${where}: ${falls.join(" and ")} on the snow`;
 }
 
 function wordsNow() {
   if (isOver()) {
-    const [first, ...others] = [...riders].sort((a, b) => b.jam.reward - a.jam.reward);
-    const told = others.map(({ name, jam }) => `${name} ${jam.reward.toFixed(3)}`).join(", ");
-    return `${first === you() ? "You win" : `Best: ${first.name}`}, ${first.jam.reward.toFixed(3)}; ${told}.`;
+    const { jam, outcome } = you();
+    const best = Math.max(hill.best ?? 0, jam.reward);
+    return `You ${howOf(you(), outcome.x)}. Score ${jam.reward.toFixed(3)}, your best here ${best.toFixed(3)}.`;
   }
-  if (atTakeoff() && !going) return `Take-off ${you().trims.length + 1}: choose a trim, then fly.`;
-  return "";
+  if (going) return "";
+  if (atTakeoff())
+    return `Flight ${you().trims.length + 1}: trim it with ◀ ▶ so that the dashed sled lands along the snow, then fly.`;
+  return time > 0 ? "" : "Ride to the finish without a fall: the sled stops at each take-off, and you trim the flight.";
 }
 
 /* The clock, which stands while the visitor chooses. */
@@ -313,22 +259,27 @@ function pause() {
   show();
 }
 
+/* At a take-off, or at the end, where the others are shown at theirs. */
 function arrive() {
-  if (atTakeoff() && $("through").checked && going) takeOff();
-  else {
-    pause();
-    lookAhead();
+  if (atTakeoff() && $("through").checked && going) {
+    takeOff();
+    return;
   }
+  if (isOver()) {
+    time = bounds(riders.map(({ outcome }) => outcome.t))[1];
+    hill.best = Math.max(hill.best ?? 0, you().jam.reward);
+  }
+  pause();
+  lookAhead();
 }
 
 function tick(now) {
   if (!going || asking) return;
-  const next = time + ($("speed").value * Math.max(now - clock, 0)) / 1000;
+  time = Math.min(time + ($("speed").value * Math.max(now - clock, 0)) / 1000, you().outcome.t);
   clock = now;
-  time = Math.min(next, isRunning(you()) ? you().outcome.t : lastTime());
   show();
-  if (atTakeoff() || isOver()) arrive();
-  else requestAnimationFrame(tick);
+  if (time < you().outcome.t) requestAnimationFrame(tick);
+  else arrive();
 }
 
 function run() {
@@ -340,11 +291,8 @@ function run() {
 
 function go() {
   if (asking || !riders.length) return;
-  if (going) {
-    pause();
-    return;
-  }
-  if (isOver()) again(run);
+  if (going) pause();
+  else if (isOver()) again(run);
   else if (atTakeoff()) takeOff();
   else run();
 }
@@ -355,7 +303,10 @@ $("back").addEventListener("click", takeBack);
 $("up").addEventListener("click", () => nudge(-1));
 $("down").addEventListener("click", () => nudge(1));
 $("trim").addEventListener("input", () => setTrim(Number($("trim").value)));
-$("hill").addEventListener("input", () => openHill($("hill").selectedIndex));
+$("hill").addEventListener("input", () => {
+  location.hash = new URLSearchParams({ slope: E.hills[$("hill").selectedIndex].name });
+});
+window.addEventListener("hashchange", openAddress);
 document.addEventListener("keydown", (event) => {
   const onTrim = event.target === $("trim");
   if (event.ctrlKey || event.metaKey || event.altKey || (event.target.closest("input, select") && !onTrim)) return;
@@ -376,6 +327,12 @@ window.addEventListener("resize", () => {
   if (riders.length) fit();
 });
 
+/* The slope that a link holds, or the first one. */
+function openAddress() {
+  const asked = new URLSearchParams(location.hash.slice(1)).get("slope");
+  return openHill(E.hills.find(({ name }) => name === asked) ?? E.hills[0]);
+}
+
 async function openPage() {
   const bytes = await unpacked(D.kernel);
   if (!bytes) return;
@@ -383,7 +340,7 @@ async function openPage() {
   live = new Pool(1, bytes);
   $("hill").innerHTML = E.hills.map(({ name }) => `<option>${escaped(name)}</option>`).join("");
   $("hills").hidden = E.hills.length < 2;
-  await openHill(0);
+  await openAddress();
 }
 
 openPage();

@@ -15,6 +15,8 @@ const fixed = (value, digits, unit) =>
 const escaped = (text) => String(text).replace(/[&<>"]/g, (c) => `&#${c.charCodeAt(0)};`);
 const entries = (pairs) =>
   pairs.map(([name, value]) => `<div><dt>${escaped(name)}</dt><dd>${escaped(value)}</dd></div>`).join("");
+const words = (column, row, text, colour) =>
+  `<text x="${far(column)}" y="${far(row)}" text-anchor="middle" fill="${colour}">${escaped(text)}</text>`;
 const far = (value) => clamp(value, -1e7, 1e7).toFixed(2);
 
 /* Places of the ticks of an axis, at most so many. */
@@ -28,6 +30,9 @@ function ticks(low, high, most, unit) {
     found.push(+(i * step).toPrecision(12));
   return found;
 }
+
+const bounds = (values) =>
+  values.reduce(([low, high], one) => [Math.min(low, one), Math.max(high, one)], [Infinity, -Infinity]);
 
 /* Interpolation. */
 function before(values, value) {
@@ -96,37 +101,23 @@ const pointsBetween = (line, left, right) => [
   [right, heightOn(line, right)],
 ];
 
-/* The slope, descending to the right, and the sled: slope-frame points [m] to pixels. */
+/* The slope, descending to the right, and the body: slope-frame points [m] to pixels. */
 class Scene {
+  /* slope: with the line of its ground; body: as pages/scenes.py draws it; points: of the slope frame, to be in sight;
+     close: pixels per metre with which the body is followed, 0 if never, undefined where it would be too small to see. */
   constructor({ slope, body, size, close }, points, width, [lowest, highest]) {
-    // slope: with the line of its ground; points: of the slope frame, to be in sight; close: pixels per metre with which the sled is followed, 0 if never
     Object.assign(this, { slope, body, size, W: width, cosine: Math.cos(slope.angle), sine: Math.sin(slope.angle) });
-    const low = [Infinity, Infinity];
-    const top = [-Infinity, -Infinity];
-    const ends = slope.length === null ? [0] : [0, slope.length];
-    this.last = Math.max(...ends, ...points.map(([x]) => x)); // place that is surely in sight
-    this.first = Math.min(0, ...points.map(([x]) => x));
+    [this.first, this.last] = bounds([0, slope.length ?? 0, ...points.map(([x]) => x)]); // surely in sight
     const ground = pointsBetween(slope.line, this.first, this.last);
-    for (const point of [
-      ...points,
-      ...ground.flatMap(([x, y]) => [
-        [x, y],
-        [x, y + 2 * size],
-      ]),
-    ])
-      this.world(...point).forEach((value, k) => {
-        low[k] = Math.min(low[k], value);
-        top[k] = Math.max(top[k], value);
-      });
-    const margin = Math.max(1.3 * size, 0.03 * (top[0] - low[0]));
-    const wide = top[0] - low[0] + 2 * margin;
-    const high = top[1] - low[1] + 2 * margin;
+    const seen = [...points, ...ground, ...ground.map(([x, y]) => [x, y + 2 * size])].map((one) => this.world(...one));
+    const [[left, right], [bottom, top]] = [0, 1].map((k) => bounds(seen.map((one) => one[k])));
+    const margin = Math.max(1.3 * size, 0.03 * (right - left));
+    const [wide, high] = [right - left + 2 * margin, top - bottom + 2 * margin];
     this.scale = Math.min(width / wide, highest / high, 90 / size);
-    this.follow = close === undefined ? this.scale * size < 10 : close > 0; // the sled would be too small to see
+    this.follow = close === undefined ? this.scale * size < 10 : close > 0;
     if (this.follow) this.scale = close ?? 45 / size;
-    const written = slope.zones?.length ? 50 : 24; // room for what is written below the slope
-    this.H = this.follow ? 0.84 * highest : clamp(high * this.scale + written, lowest, highest);
-    this.middle = this.follow ? this.world(...points[0]) : [0.5 * (low[0] + top[0]), 0.5 * (low[1] + top[1])];
+    this.H = this.follow ? highest : clamp(high * this.scale + 24, lowest, highest); // 24: words below the slope
+    this.middle = [0.5 * (left + right), 0.5 * (bottom + top)];
   }
 
   world(x, y) {
@@ -138,8 +129,8 @@ class Scene {
     return [this.W / 2 + this.scale * (column - this.middle[0]), this.H / 2 - this.scale * (row - this.middle[1])];
   }
 
+  /* Where in the slope frame a pixel is: the inverse of pixel. */
   place(column, row) {
-    // where in the slope frame a pixel is: the inverse of pixel
     const across = (column - this.W / 2) / this.scale + this.middle[0];
     const up = this.middle[1] - (row - this.H / 2) / this.scale;
     return [across * this.cosine - up * this.sine, across * this.sine + up * this.cosine];
@@ -158,7 +149,7 @@ class Scene {
     return this.pixel(x, y).map(far).join(",");
   }
 
-  outline(shape, x, y, phi) {
+  outline(shape, { x, y, phi }) {
     const c = Math.cos(phi);
     const s = Math.sin(phi);
     return shape.map(([a, b]) => this.at(x + a * c - b * s, y + a * s + b * c)).join(" ");
@@ -171,120 +162,85 @@ class Scene {
     return `translate(${to.map(far)}) rotate(${((-phi * 180) / Math.PI).toFixed(3)}) translate(${back})`;
   }
 
-  sled(x, y, phi, attributes, touching = []) {
-    // touching: parts of a sled with its rider that are marked
-    const [column, row] = this.pixel(x, y);
-    const whole = this.outline(this.body.outline, x, y, phi);
-    if (this.body.pieces) {
-      const { hull, touched, pieces } = this.body;
-      const fine = this.scale * this.size < 40 ? 0.5 : 1;
-      const inside = pieces.map(
-        ({ part, colour, points }) =>
-          `<polygon data-part="${escaped(part)}" points="${this.outline(points, x, y, phi)}" ` +
-          `fill="${touching.includes(part) ? touched : colour}" stroke="#2d343c" stroke-width="${fine}" stroke-linejoin="round"/>`,
-      );
-      return (
-        `<g ${attributes}><polygon points="${whole}" fill="${hull}" stroke="#62707e" stroke-width="${fine}"/>${inside.join("")}` +
-        `<circle cx="${column.toFixed(2)}" cy="${row.toFixed(2)}" r="${3 * fine}" fill="#2d343c"/></g>`
-      );
-    }
-    return (
-      `<g ${attributes}><polygon points="${whole}" fill="#f6c7a3" stroke="#2d343c" stroke-width="1.3"/>` +
-      `<polygon points="${this.outline(this.body.heavy, x, y, phi)}" fill="#d55e00"/>` +
-      `<polygon points="${whole}" fill="none" stroke="#2d343c" stroke-width="1.3"/>` +
-      `<circle cx="${column.toFixed(2)}" cy="${row.toFixed(2)}" r="3" fill="#2d343c"/></g>`
+  /* The body in a pose; parts that touch are marked. */
+  sled(pose, attributes, touching = []) {
+    const { outline, hull, touched, pieces } = this.body;
+    const layers = [{ colour: hull, points: outline }, ...pieces].map(
+      ({ part = "", colour, points }) =>
+        `<polygon data-part="${escaped(part)}" points="${this.outline(points, pose)}" ` +
+        `fill="${touching.includes(part) ? touched : colour}" stroke="#2d343c" stroke-width="0.7" stroke-linejoin="round"/>`,
     );
+    const [column, row] = this.pixel(pose.x, pose.y).map(far);
+    return `<g ${attributes}>${layers.join("")}<circle cx="${column}" cy="${row}" r="2.5" fill="#2d343c"/></g>`;
   }
 
   sky() {
     return `<rect width="${this.W}" height="${this.H.toFixed(0)}" fill="var(--sky)"/>`;
   }
 
+  /* The land, with the finish, where a body is between these places [m]. */
   ground(left, right) {
-    // where a sled is between these places [m]
     const { slope, scale, W } = this;
     const reach = (2 * (W + this.H)) / scale;
-    const parts = [];
-    left = Math.min(left, 0) - reach;
-    right = Math.max(right, slope.length !== null && !this.follow ? slope.length : 0) + reach;
-    parts.push(
-      `<polygon points="${this.surface(left, right).join(" ")} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="var(--ground)"/>`,
-    );
-    parts.push(...this.zones(left, right));
-    const least = 70 / scale;
-    const power = 10 ** Math.floor(Math.log10(least));
-    const step = [1, 2, 5, 10].map((factor) => factor * power).find((candidate) => candidate >= least);
-    for (let i = Math.ceil((left + 0.5 * reach) / step), n = 0; i * step < right - 0.5 * reach && n < 2000; i++, n++) {
-      const surface = this.height(i * step);
-      const [column, row] = this.pixel(i * step, surface - 20 / scale);
+    [left, right] = [Math.min(left, 0) - reach, Math.max(right, this.follow ? 0 : (slope.length ?? 0)) + reach];
+    const surface = this.surface(left, right).join(" ");
+    const parts = [
+      `<polygon points="${surface} ${this.at(right, -reach)} ${this.at(left, -reach)}" fill="var(--ground)"/>`,
+      ...this.zones(left, right),
+    ];
+    const most = Math.min(((right - left) * scale) / 70, 2000);
+    const [, step] = ticks(0, right - left, most, "");
+    for (let x = Math.ceil(left / step) * step; x < right; x += step) {
+      const [column, row] = this.pixel(x, this.height(x));
       parts.push(
-        `<polyline points="${this.at(i * step, surface)} ${this.at(i * step, surface - 6 / scale)}" stroke="var(--line)"/>`,
+        `<line x1="${far(column)}" x2="${far(column)}" y1="${far(row)}" y2="${far(row + 6)}" stroke="var(--line)"/>`,
       );
       if (this.follow || (column > 24 && column < W - 24))
-        parts.push(
-          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--pale)">${+(i * step).toPrecision(6)} m</text>`,
-        );
+        parts.push(words(column, row + 24, `${+x.toPrecision(6)} m`, "var(--pale)"));
     }
-    parts.push(
-      `<polyline class="surface" points="${this.surface(left, right).join(" ")}" fill="none" stroke="var(--line)" stroke-width="2"/>`,
-    );
+    parts.push(`<polyline class="surface" points="${surface}" fill="none" stroke="var(--line)" stroke-width="2"/>`);
     if (slope.length !== null) {
-      const foot = this.height(slope.length);
-      const room = (this.pixel(slope.length, foot)[1] - 24) / scale;
-      const top = foot + (this.follow ? 4 * this.size : Math.min(4 * this.size, room));
-      const [end, row] = this.pixel(slope.length, top);
-      const column = this.follow ? end : Math.min(end, W - 20);
+      const [column, row] = this.pixel(slope.length, this.height(slope.length));
+      const top = this.follow ? row - 4 * this.size * scale : Math.max(row - 4 * this.size * scale, 24);
       parts.push(
-        `<polyline points="${this.at(slope.length, foot)} ${this.at(slope.length, top)}" stroke="var(--ink)" stroke-width="4" ` +
-          `stroke-dasharray="12 9"/><text x="${far(column)}" y="${far(row - 7)}" text-anchor="middle" fill="var(--pale)">finish</text>`,
+        `<line x1="${far(column)}" x2="${far(column)}" y1="${far(row)}" y2="${far(top)}" stroke="var(--ink)" ` +
+          `stroke-width="4" stroke-dasharray="12 9"/>`,
+        words(this.follow ? column : Math.min(column, W - 20), top - 7, "finish", "var(--pale)"),
       );
     }
     return parts.join("");
   }
 
+  /* Bands below the surface, each with its words where there is room. */
   zones(left, right) {
-    // bands below the surface; their words are repeated where a zone is longer than the picture
-    const { scale, W, slope } = this;
-    const depth = 12 / scale;
-    const parts = [];
-    for (const zone of slope.zones ?? []) {
-      const begin = Math.max(zone.begin, left);
-      const end = Math.min(zone.end ?? Infinity, right);
-      if (!(begin < end)) continue;
-      parts.push(
-        `<polygon class="zone" points="${[...this.surface(begin, end), ...this.surface(begin, end, depth).reverse()].join(" ")}" ` +
-          `fill="${zone.colour}" stroke="var(--line)"/>`,
-      );
-      const last = Math.min(end, slope.length ?? Infinity, this.follow ? Infinity : this.last);
-      const room = (last - begin) * scale;
-      const said = [zone.words, zone.brief].find((text) => 7 * (text.length + 1) < room);
-      if (!said) continue;
-      const count = clamp(Math.floor(((last - begin) * scale) / (0.7 * W)), 1, 2000);
-      for (let i = 0; i < count; i++) {
-        const middle = begin + ((i + 0.5) / count) * (last - begin);
-        const [column, row] = this.pixel(middle, this.height(middle) - 44 / scale);
-        parts.push(
-          `<text x="${far(column)}" y="${far(row + 4)}" text-anchor="middle" fill="var(--ink)">${escaped(said)}</text>`,
-        );
-      }
-    }
-    return parts;
-  }
-
-  contact(paths) {
-    // where a rebound touched: places of the slope frame, in pieces
-    const [w, h] = [5 / this.scale, 9 / this.scale];
-    const [[[x, y]]] = paths;
-    const lines = paths.map((path) => {
-      const points = path.length > 1 ? path : [path[0], path[0]];
-      return `<polyline points="${points.map((one) => this.at(...one)).join(" ")}" fill="none" stroke="#009e73" stroke-width="4"/>`;
+    return (this.slope.zones ?? []).flatMap((zone) => {
+      const [begin, end] = [Math.max(zone.begin, left), Math.min(zone.end ?? Infinity, right)];
+      if (!(begin < end)) return [];
+      const points = [...this.surface(begin, end), ...this.surface(begin, end, 12 / this.scale).reverse()];
+      const last = Math.max(begin, this.follow ? begin : Math.min(end, this.last));
+      const middle = 0.5 * (begin + last);
+      const [column, row] = this.pixel(middle, this.height(middle));
+      const room = this.follow || 7 * zone.words.length < (last - begin) * this.scale;
+      return [
+        `<polygon class="zone" points="${points.join(" ")}" fill="${zone.colour}" stroke="var(--line)"/>`,
+        ...(room ? [words(column, row + 48, zone.words, "var(--ink)")] : []),
+      ];
     });
-    const mark = `${this.at(x, y)} ${this.at(x - w, y - h)} ${this.at(x + w, y - h)}`;
-    return `${lines.join("")}<polygon points="${mark}" fill="#009e73"/>`;
   }
 
+  /* Where a rebound touched first. */
+  contact(x) {
+    const [column, row] = this.pixel(x, this.height(x));
+    const corners = [
+      [column, row],
+      [column - 5, row + 9],
+      [column + 5, row + 9],
+    ].map((one) => one.map(far));
+    return `<polygon class="contact" points="${corners.join(" ")}" fill="#009e73"/>`;
+  }
+
+  /* Between two pixels. */
   arrow(foot, tip, attributes) {
-    // between two pixels
     const [dx, dy] = [tip[0] - foot[0], tip[1] - foot[1]];
     const size = Math.hypot(dx, dy);
     if (!(size > 0)) return "";
@@ -298,41 +254,44 @@ class Scene {
     );
   }
 
+  /* What contacts do to the body: the friction cones, which lie below it, and what lies above it. */
   push({ touches, largest }) {
-    // what contacts do to the body: the friction cones, which lie below it, and what lies above it
     const length = (0.3 * this.H) / this.scale;
-    const cones = [];
-    const forces = [];
-    touches.forEach(({ x, y, normal_x, normal_y, friction, normal, tangential }, k) => {
+    const found = { cone: "", force: "" };
+    for (const { x, y, normal_x, normal_y, friction, normal, tangential } of touches) {
       const place = (up, along) => [x + up * normal_x + along * normal_y, y + up * normal_y - along * normal_x];
-      const norm = Math.hypot(1, friction);
-      const edges = [-1, 1].map((side) => this.at(...place(length / norm, (side * length * friction) / norm)));
+      const high = length / Math.hypot(1, friction);
+      const edges = [-1, 1].map((side) => this.at(...place(high, side * high * friction)));
       const foot = this.at(x, y);
-      cones.push(`<polygon class="cone" points="${foot} ${edges.join(" ")}" fill="#f8ee8c"/>`);
-      for (const edge of edges) forces.push(`<polyline points="${foot} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`);
-      if (k === 0) {
-        const label = this.pixel(...place((1.07 * length) / norm, 0));
-        forces.push(
-          `<text x="${far(label[0])}" y="${far(label[1])}" text-anchor="middle" fill="var(--pale)">friction cone</text>`,
-        );
-      }
-      if (!(largest > 0)) return;
+      found.cone += `<polygon class="cone" points="${foot} ${edges.join(" ")}" fill="var(--cone)"/>`;
+      for (const edge of edges)
+        found.force += `<polyline points="${foot} ${edge}" stroke="#2d343c" stroke-width="0.7"/>`;
+      if (!(largest > 0)) continue;
       const tip = this.pixel(...place((length * normal) / largest, (length * tangential) / largest));
-      forces.push(`<g class="force">${this.arrow(this.pixel(x, y), tip, 'fill="#a01e6e" stroke="#a01e6e"')}</g>`);
-    });
-    return { cone: cones.join(""), force: forces.join("") };
+      const arrow = this.arrow(this.pixel(x, y), tip, 'fill="var(--force)" stroke="var(--force)"');
+      found.force += `<g class="force">${arrow}</g>`;
+    }
+    return found;
   }
 
-  path(points, stroke = "var(--blue)") {
-    return `<polyline points="${points.map(([x, y]) => this.at(x, y)).join(" ")}" fill="none" stroke="${stroke}" stroke-width="1.3"/>`;
+  /* A path through points that are apart on the screen. */
+  path({ x, y }, stroke = "var(--blue)") {
+    const apart = 1 / this.scale;
+    const kept = [];
+    let last = [Infinity, Infinity];
+    for (let i = 0; i < x.length; i++)
+      if (i === x.length - 1 || Math.abs(x[i] - last[0]) + Math.abs(y[i] - last[1]) > apart)
+        kept.push(this.at(...(last = [x[i], y[i]])));
+    return `<polyline points="${kept.join(" ")}" fill="none" stroke="${stroke}" stroke-width="1.3"/>`;
   }
 
-  shift(x, y) {
-    // what moves the picture so that the sled stays in it, if it is followed
+  /* What moves the picture so that the body is in it, if it is followed: steadily, as the ground around goes. */
+  camera({ x, y }) {
+    if (!this.follow) return "";
+    const around = Array.from({ length: 13 }, (_, i) => this.height(x + i - 6));
     const [column, row] = this.pixel(x, y);
-    const [, ground] = this.pixel(x, this.height(x));
-    const H = this.H;
-    const down = Math.max(Math.min(0.72 * H - ground, 0.85 * H - row), 0.15 * H - row);
-    return this.follow ? `translate(${(this.W / 2 - column).toFixed(2)} ${down.toFixed(2)})` : "";
+    const [, ground] = this.pixel(x, around.reduce((sum, one) => sum + one) / around.length);
+    const down = Math.max(0.72 * this.H - ground, 0.2 * this.H - row);
+    return `translate(${(0.32 * this.W - column).toFixed(2)} ${down.toFixed(2)})`;
   }
 }
