@@ -310,13 +310,10 @@ class Document(Section):
         """
         if not isinstance(name_or_path, str | os.PathLike):
             raise TypeError(f"{cls.called} = {name_or_path!r}: must be the name of one or the path of a file")
-        name, known = os.fspath(name_or_path), cls.names()
-        if name.endswith((".yaml", ".yml")):
-            return Path(name)
-        if name not in known:
-            hint = _hint(name, known)
-            raise cls.error(f"unknown {cls.called} {name!r}{hint}; known: {', '.join(known)}; a file ends in .yaml")
-        return CONFIGS / cls.folder / f"{name}.yaml"
+        try:
+            return find_file(cls.called, cls.folder, os.fspath(name_or_path))
+        except ValueError as error:
+            raise cls.error(str(error)) from None
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str]) -> Self:
@@ -354,6 +351,23 @@ def wrong_kind(kind: Any, known: Collection[str]) -> str:
     if kind is None:
         return f"kind: missing; must be one of {', '.join(known)}"
     return f"kind = {reprlib.repr(kind)}: must be one of {', '.join(known)}{_hint(str(kind), known)}"
+
+
+def find_file(called: str, folder: str, name: str) -> Path:
+    """Return the file of a name that ships in a folder of ``configs``; a path ends in ``.yaml`` and stays as it is.
+
+    Raises
+    ------
+    ValueError
+        If there is no such name; ``called`` says of what.
+    """
+    if name.endswith((".yaml", ".yml")):
+        return Path(name)
+    known = shipped(folder)
+    if name not in known:
+        hint = _hint(name, known)
+        raise ValueError(f"unknown {called} {name!r}{hint}; known: {', '.join(known)}; a file ends in .yaml")
+    return CONFIGS / folder / f"{name}.yaml"
 
 
 def shipped(folder: str) -> tuple[str, ...]:
