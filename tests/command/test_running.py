@@ -21,7 +21,7 @@ from sledenv.command import arguments, cli, identification
 from sledenv.command.arguments import POSITIVE, Count, Seeds, within
 from sledenv.command.running import app, progress, run, tell, working
 from sledenv.machine.blame import GivenCodeError
-from sledenv.scenarios.configuration import shipped
+from sledenv.machine.shipped import shipped
 from sledenv.simulation import rigid_impact, settings
 
 HEAVY = ("llvmlite", "matplotlib", "numba", "pandas", "pydantic", "scipy")
@@ -165,23 +165,23 @@ def test_words_of_the_command_are_those_of_the_package(capsys: pytest.CaptureFix
     assert get_args(identification.Hypothesis) == get_args(rigid_impact.Hypothesis)
 
 
-def test_help_loads_nothing_heavy() -> None:
+def test_help_and_a_misspelt_name_load_nothing_heavy() -> None:
     """Oracle: sys.modules of a fresh process."""
     program = f"""
     import sys
     from sledenv_cli import main
-    for words in (["--help"], ["--version"], ["simulate", "--help"], ["identify", "--help"], ["solve"]):
-        sys.argv[1:] = words
-        status = main()
-        print("loaded", status, sorted(set({HEAVY}) & set(sys.modules)))
+    helped = "", "--help", "--version", "simulate --help", "identify --help"
+    wrong = "solve", "simulate sled_snw", "map none.yaml", "study pushof", "benchmark --suite smok", "identify none.csv"
+    for words in (*helped, *wrong):
+        sys.argv[1:] = words.split()
+        assert main() == (2 if words in wrong else 0), words
+        print("loaded", sorted(set({HEAVY}) & set(sys.modules)))
     """
     done = subprocess.run([sys.executable, "-c", textwrap.dedent(program)], capture_output=True, text=True, check=True)
-    assert [line for line in done.stdout.splitlines() if line.startswith("loaded")] == ["loaded 0 []"] * 4 + [
-        "loaded 2 []"
-    ]
+    assert [line for line in done.stdout.splitlines() if line.startswith("loaded")] == ["loaded []"] * 11
     assert "Exit status: 0 done, 1 failed, 2 wrong input, 130 interrupted." in done.stdout
     assert done.stderr.startswith('sledenv: error: Unknown command "solve".')
-    assert done.stderr.count("\n") == 1
+    assert done.stderr.count("\n") == 6
 
 
 @pytest.mark.parametrize("module", ["cyclopts", "pydantic"])

@@ -46,7 +46,7 @@ def _named(called: str, folder: Literal["scenarios", "studies", "suites"]) -> Pa
     def check(_: Any, name: str | None) -> None:
         if name is None:  # not given
             return
-        from sledenv.scenarios.configuration import find_file
+        from sledenv.machine.shipped import find_file
 
         file = find_file(called, folder, name)
         if not file.is_file():
@@ -55,7 +55,7 @@ def _named(called: str, folder: Literal["scenarios", "studies", "suites"]) -> Pa
             )
 
     def offered(context: CompletionContext) -> list[str]:
-        from sledenv.scenarios.configuration import shipped
+        from sledenv.machine.shipped import shipped
 
         return [*shipped(folder), *glob(f"{context.incomplete}*.yaml")]
 
