@@ -15,7 +15,7 @@ from sledenv.benchmark.evaluation import Evaluation, evaluation_of
 from sledenv.benchmark.problem import HeldOut
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean_interval, told
-from sledenv.command.arguments import number
+from sledenv.command.arguments import integer
 from sledenv.command.running import app, run, taken
 from sledenv.machine.files import replacing
 from sledenv.machine.text_tables import aligned
@@ -85,7 +85,7 @@ def _evaluate(
     runs: Annotated[list[Path], Parameter(name="RUN", required=True)],
     /,
     *,
-    contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
+    contexts: Annotated[int, integer(2)] = CONTEXTS,
     shifted: bool = False,
     tracks: bool = False,
     json: Path | None = None,

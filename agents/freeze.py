@@ -15,7 +15,7 @@ from sledenv.benchmark.evaluation import evaluation_of
 from sledenv.benchmark.oracle import best_launches
 from sledenv.benchmark.problem import HeldOut, Problem
 from sledenv.benchmark.references import FOLDER, freeze, reference
-from sledenv.command.arguments import ScenarioName, number
+from sledenv.command.arguments import ScenarioName, integer
 from sledenv.command.running import app, progress, run
 from sledenv.machine.workers import runner
 from sledenv.scenarios.scenario import load_scenario
@@ -38,7 +38,7 @@ _MORE: Final = 0.002  # what counts as more
 _VALIDATED: Final = 128  # contexts in which planners are compared
 _BLOCK: Final = 10  # contexts that are searched at a time
 
-_Count = Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)]
+_Count = Annotated[int, integer(0)]
 
 
 def chosen(problem: Problem, told: Any) -> str:

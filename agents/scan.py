@@ -7,12 +7,13 @@ from typing import Annotated, Any, Final
 
 import numpy as np
 from cyclopts import Parameter
+from cyclopts.validators import Number
 from numpy.typing import NDArray
 
 from sledenv.benchmark.evaluation import Evaluation
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.scores import mean_interval, share_interval, told
-from sledenv.command.arguments import ScenarioName, number, positive
+from sledenv.command.arguments import POSITIVE, ScenarioName, integer
 from sledenv.command.running import app, run
 from sledenv.envs.inputs import Contexts
 from sledenv.machine.text_tables import aligned
@@ -35,7 +36,7 @@ FIRST: Final = np.linspace(-1.0, 1.0, 1001)  # trims along which jumps are count
 JUMPY: Final = 40  # in so many contexts
 HARD: Final = 45.0  # weights of the body
 
-_Factor = Annotated[float, positive("")]
+_Factor = Annotated[float, POSITIVE]
 
 
 class _Trying:
@@ -160,14 +161,14 @@ def _scan(
     scenario: Annotated[ScenarioName, Parameter(required=True)],
     /,
     *,
-    contexts: Annotated[int, number(int, "an integer >= 2", lambda value: value >= 2)] = CONTEXTS,
+    contexts: Annotated[int, integer(2)] = CONTEXTS,
     split: Split = "test",
     factor: _Factor = 1.0,
     faster: _Factor = 1.0,
-    stiffness: Annotated[float | None, positive("N/m")] = None,
-    noise: Annotated[float | None, number(float, "a number in [0, 10] rad/s", lambda value: 0 <= value <= 10)] = None,
-    spins: Annotated[tuple[int, ...], number(int, "integers >= 2", lambda value: value >= 2, several=True)] = SPINS,
-    jumpy: Annotated[int, number(int, "an integer >= 0", lambda value: value >= 0)] = JUMPY,
+    stiffness: Annotated[float | None, POSITIVE] = None,
+    noise: Annotated[float | None, Parameter(validator=Number(gte=0, lte=10))] = None,
+    spins: Annotated[tuple[int, ...], integer(2, several=True)] = SPINS,
+    jumpy: Annotated[int, integer(0)] = JUMPY,
 ) -> None:
     """Compare a planner with a rule, no trim and constant trims, look for what nothing finishes, and measure forces.
 

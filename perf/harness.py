@@ -18,6 +18,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.command.doctor import processor
 from sledenv.machine.text_tables import markdown
 
 _K = TypeVar("_K")
@@ -64,14 +65,6 @@ def number(value: float) -> str:
     return f"{value:,.{digits}f}"
 
 
-def _processor() -> str:
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
-    return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
-
-
 def stamp() -> dict[str, Any]:
     """Return where, when and with what a result is measured."""
     installed = {one.metadata["Name"]: one.version for one in distributions()}
@@ -79,7 +72,7 @@ def stamp() -> dict[str, Any]:
     return {
         "date": datetime.datetime.now(datetime.UTC).isoformat(timespec="seconds"),
         "commit": commit.stdout.strip(),
-        "processor": _processor(),
+        "processor": processor(),
         "cores": os.cpu_count(),
         "load": [round(load, 2) for load in os.getloadavg()],  # of 1, 5 and 15 minutes
         "python": platform.python_version(),

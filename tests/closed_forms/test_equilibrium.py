@@ -89,17 +89,6 @@ def test_the_angles_of_rest_are_those_of_the_condition(bodies: Mapping[str, Body
     assert bounds > 150
 
 
-@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
-def test_rest_is_mirror_symmetric(body: Body) -> None:
-    """Oracle: the mirrored pose on the mirrored slope."""
-    law, slope, mirror = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02), Slope(0.13), Slope(-0.13)
-    phi = np.linspace(-3.1, 3.1, 997)
-    assert np.array_equal(static_jam(body, law, slope, phi), static_jam(body, law, mirror, -phi))
-    there = np.array(static_jam_angles(body, law, slope)).ravel()
-    back = -np.array(static_jam_angles(body, law, mirror)).ravel()[::-1]
-    assert there == pytest.approx(back, abs=1e-14)
-
-
 def test_without_rolling_resistance_a_body_only_balances() -> None:
     """Oracle: the vertical through the mass centre meets the contact point, h sin(phi - beta) = -r sin(beta)."""
     law, slope = ContactLaw(1e6, 0.5, 0.5, 0.0), Slope(0.1)

@@ -45,11 +45,3 @@ def test_the_painleve_threshold_of_a_rod_is_the_textbook_one(inertia: float) -> 
 
 def test_a_wheel_has_no_painleve_region() -> None:
     assert painleve_threshold(WHEEL, ContactLaw(1e6, 0.5, 0.3, 0.05)) == math.inf
-
-
-@pytest.mark.parametrize("body", BODIES.values(), ids=BODIES)
-def test_the_region_is_mirror_symmetric(body: Body) -> None:
-    """Oracle: the mirrored pose and velocities."""
-    law = ContactLaw(1e6, 0.5, 0.4, 0.004, 0.02)
-    phi = np.linspace(-3.1, 3.1, 997)
-    assert painleve(body, law, phi, 1.0, -1.0) == pytest.approx(painleve(body, law, -phi, -1.0, 1.0))

@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import math
-import random
-from fractions import Fraction
-
 import numpy as np
 import pytest
 
@@ -87,62 +83,6 @@ def speed_scale(cases: np.ndarray) -> np.ndarray:
     return np.where(scale > 0.0, scale, 1.0)
 
 
-def rules_that_hold(m, inertia, r, f, delta, impulse, u, omega):  # type: ignore[no-untyped-def]
-    """Truth of the rules of modes 1 to 7 (docs/physics.md, section 3), each a range of the normal impulse.
-
-    Works for floats and, exactly, for fractions. A path goes through its modes as the impulse grows; the border between
-    two is the sum of the impulses of the phases before it.
-    """
-    infinity = math.inf
-    slip = u + r * omega
-    about_contact = inertia + m * r * r
-    s = 1 if slip > 0 else -1 if slip < 0 else (-1 if omega > 0 else 1)
-    t = 1 if omega > 0 else -1 if omega < 0 else -s
-    grips = f * about_contact >= m * r * delta
-    holds = r * f <= delta
-    slowing = (f * about_contact + s * t * m * r * delta) / (m * inertia)  # of slip
-    despinning = (delta + s * t * r * f) / inertia
-    p1 = abs(slip) / slowing if slowing > 0 else infinity
-    p2 = abs(omega) / despinning if despinning > 0 else infinity
-    if slip == 0 and grips:
-        p1 = 0 * p1 if p1 < infinity else 0.0
-    if omega == 0 and holds:
-        p2 = 0 * p2 if p2 < infinity else 0.0
-
-    rest = infinity  # everything has stopped
-    p3 = infinity  # the second of slip and spin stops
-    if p1 < p2 and p1 < infinity:
-        spin = abs(omega) - despinning * p1
-        if grips:
-            rest = p1 + spin * about_contact / delta if delta > 0 else infinity if spin > 0 else p1
-        else:
-            p3 = p1 + spin * inertia / (delta - r * f)
-            slip_back = (p3 - p1) * (m * r * delta - f * about_contact) / (m * inertia)
-            rest = p3 + m * slip_back / f if f > 0 else infinity
-    elif p2 < p1 and p2 < infinity:
-        left = abs(slip) - slowing * p2
-        if holds:
-            rest = p2 + m * left / f if f > 0 else infinity
-        else:
-            p3 = p2 + left * m * inertia / (f * about_contact - m * r * delta)
-            rest = p3 + (p3 - p2) * (r * f - delta) / inertia * about_contact / delta if delta > 0 else infinity
-    elif p1 < infinity:
-        rest = p1
-
-    slide_roll = impulse < p1 and impulse < p2
-    stop_roll = (p1 < p2 and grips and p1 <= impulse and impulse < rest) or (
-        p2 < p1 and not holds and p3 <= impulse and impulse < rest
-    )
-    slide = (p2 < p1 and holds and p2 <= impulse and impulse < rest) or (
-        p1 < p2 and not grips and p3 <= impulse and impulse < rest
-    )
-    stuck = impulse >= rest
-    spin_reversal = p2 < p1 and not holds and p2 <= impulse and impulse < p3
-    slip_reversal = p1 < p2 and not grips and p1 <= impulse and impulse < p3
-    double_reversal = not grips and not holds
-    return slide_roll, stop_roll, slide, stuck, spin_reversal, slip_reversal, double_reversal
-
-
 # --- against the general solver --------------------------------------------------------------------------------------
 
 
@@ -161,49 +101,13 @@ def test_closed_forms_agree_with_the_general_impact(n: int) -> None:
     assert np.max(np.abs(moment - expected[:, 5]) / (m * r * speed)) < 1e-12
 
 
-# --- the rules of existence ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("n", [2000, pytest.param(200_000, marks=pytest.mark.slow)])
-def test_exactly_one_rule_holds_and_it_names_the_scenario_and_the_mode(n: int) -> None:
-    """Oracle: the rules as ranges of the normal impulse, evaluated separately; the mode code of the kernel."""
+@pytest.mark.parametrize("n", SIZES)
+def test_the_scenario_is_the_mode_of_the_general_impact(n: int) -> None:
+    """Oracle: the mode code of the kernel, from the velocities before and after, away from the borders."""
     cases = random_wheels(n, seed=4, boundaries=False)
-    scenarios, modes = collide_wheel(*cases.T).scenario, solve(cases)[1]
-    for (m, inertia, r, f, delta, e, u, v, omega), scenario, mode in zip(cases.tolist(), scenarios, modes, strict=True):
-        held = rules_that_hold(m, inertia, r, f, delta, m * abs(v) * (1.0 + e), u, omega)
-        assert sum(held) == 1
-        assert scenario == mode == MODE_NAMES[1 + held.index(True)]
+    scenarios = collide_wheel(*cases.T).scenario
+    assert np.array_equal(scenarios, solve(cases)[1])
     assert set(scenarios) == set(MODE_NAMES[1:]) - {"double-reversal"}
-
-
-def test_exactly_one_rule_holds_on_every_border() -> None:
-    """Oracle: exact fractions from a coarse grid, so that zeros and borders of scenarios are met exactly and often."""
-    rng = random.Random(5)
-
-    def draw(*values: str) -> Fraction:
-        return Fraction(rng.choice(values))
-
-    borders = 0
-    for _ in range(1000):
-        m, r = draw("1", "2"), draw("1/2", "1")
-        inertia = m * r * r * draw("1/2", "1", "2/5")
-        f, delta = draw("0", "1/8", "1/4", "1/2", "1"), r * draw("0", "1/8", "1/4", "1/2", "3/4")
-        e = draw("0", "1/2", "1")
-        u, v, omega = (draw("-2", "-1", "-1/2", "0", "1/2", "1", "2", "3") for _ in range(3))
-        impulse = m * abs(v) * (1 + e)
-        held = rules_that_hold(m, inertia, r, f, delta, impulse, u, omega)
-        assert sum(held) == 1
-        if v > 0:
-            continue
-        name = MODE_NAMES[1 + held.index(True)]
-        result = collide_wheel(*map(float, (m, inertia, r, f, delta, e, u, v, omega)))
-        if result.scenario == name:
-            continue
-        # On a border rounding may choose the neighbour, whose velocities are the same: one of them is all but zero.
-        borders += 1
-        speeds = (result.u, result.omega, result.u + float(r) * result.omega)
-        assert min(abs(value) for value in speeds if value != 0.0 or result.scenario == "stuck") < 1e-14
-    assert borders < 100
 
 
 def test_a_wheel_without_spin_is_stuck_iff_its_entry_is_steep_enough() -> None:
@@ -248,7 +152,7 @@ def test_rows_of_the_completed_table_1(
     assert found == pytest.approx((u_1, 1.0, omega_1, force, 6.0, arm), abs=1e-14)
 
 
-# --- symmetry and energy ---------------------------------------------------------------------------------------------
+# --- symmetry --------------------------------------------------------------------------------------------------------
 
 
 def test_the_mirrored_entry_gives_the_mirrored_impact_bit_for_bit() -> None:
@@ -258,22 +162,6 @@ def test_the_mirrored_entry_gives_the_mirrored_impact_bit_for_bit() -> None:
     for name, sign in (("u", -1), ("omega", -1), ("tangential_impulse", -1), ("arm", -1), ("v", 1)):
         assert np.array_equal(getattr(one, name), sign * getattr(other, name))
     assert np.array_equal(one.scenario, other.scenario)
-
-
-@pytest.mark.parametrize("n", SIZES)
-def test_energy_is_never_created_and_the_normal_loss_is_that_of_restitution(n: int) -> None:
-    """Oracle: kinetic energies; friction takes tangential energy only, restitution (1 - e^2) m v^2/2."""
-    cases = random_wheels(n, seed=10, boundaries=True)
-    m, inertia, _, f, delta, e, u, v, omega = cases.T
-    result = collide_wheel(*cases.T)
-    before = 0.5 * m * u**2 + 0.5 * inertia * omega**2
-    after = 0.5 * m * result.u**2 + 0.5 * inertia * result.omega**2
-    assert np.all(after <= before * (1.0 + 1e-13) + 1e-26 * m * v**2)
-    kept = (f == 0.0) & (delta == 0.0)
-    assert np.allclose(after[kept], before[kept], rtol=1e-14, atol=0.0)
-    assert np.allclose(result.v, -e * v, rtol=1e-15, atol=0.0)
-    assert np.all(np.abs(result.tangential_impulse) <= f * result.normal_impulse * (1 + 1e-12) + 1e-14 * m * np.abs(u))
-    assert np.all(np.abs(result.arm) <= delta)
 
 
 def test_wheels_that_do_not_approach_are_left_alone() -> None:

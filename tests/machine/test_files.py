@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sledenv.machine.files import put, replacing, write_csv
+from sledenv.machine.files import publish, put, replacing, write_csv
 
 
 @pytest.mark.parametrize("text", ["=1+1", "+1+cmd|' /C calc'!A0", "-2-3", "@SUM(A1)", "\t=1+1", " =1", "=", "--1"])
@@ -40,6 +40,27 @@ def test_a_file_is_not_written_through_a_link_that_somebody_has_left(
     ):
         part.write_text("mine")
     assert (tmp_path / "theirs").read_text() == "theirs"
+
+
+def write(place: Path, text: str, error: type[BaseException] | None = None) -> None:
+    with publish(place, ["a.txt"]) as new:
+        (new / "a.txt").write_text(text)
+        if error:
+            raise error
+
+
+def test_a_folder_appears_when_it_is_complete_and_replaces_one_of_its_kind(tmp_path: Path) -> None:
+    place = tmp_path / "deep" / "out"
+    for text in ("first", "second"):
+        write(place, text)
+        assert (place / "a.txt").read_text() == text
+    with pytest.raises(KeyboardInterrupt):
+        write(place, "half", KeyboardInterrupt)
+    (place / "b.txt").write_text("mine")
+    with pytest.raises(FileExistsError, match=r"holds 'b\.txt', which is not of this command"):
+        write(place, "third")
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["a.txt", "b.txt", "deep", "out"]
+    assert (place / "a.txt").read_text() == "second"
 
 
 def test_a_folder_that_cannot_be_moved_to_its_place_leaves_the_one_there(

@@ -15,7 +15,6 @@ from matplotlib.figure import Figure
 from sledenv import plot, reproduce
 from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Mode
-from sledenv.machine.files import publish
 from sledenv.reproduce import FILES, cases, claims
 from sledenv.simulation.scene import Slope, State
 from sledenv.simulation.simulate import simulate
@@ -194,15 +193,7 @@ def test_the_data_are_those_of_the_figures(folder: Path) -> None:
     assert all(modes[f, -phi, -speed] == mode for (f, phi, speed), mode in modes.items())
 
 
-@pytest.mark.slow
-def test_an_earlier_reproduction_is_replaced(folder: Path) -> None:
-    before = {name: (folder / name).read_bytes() for name in FILES}
-    reproduce.reproduce(folder, progress=lambda line: None)
-    assert {name: (folder / name).read_bytes() for name in FILES} == before
-
-
-@pytest.mark.parametrize("error", [KeyboardInterrupt, OSError])
-def test_an_interrupted_run_leaves_nothing(tmp_path: Path, error: type[BaseException]) -> None:
+def test_an_interrupted_run_leaves_nothing(tmp_path: Path) -> None:
     lines: list[str] = []
 
     def progress(line: str) -> None:
@@ -210,48 +201,11 @@ def test_an_interrupted_run_leaves_nothing(tmp_path: Path, error: type[BaseExcep
         if len(lines) == 2:
             (scratch,) = tmp_path.iterdir()
             assert (scratch / "new" / "fig_4.png").exists()
-            raise error
-
-    with pytest.raises(error):
-        reproduce.reproduce(tmp_path / "deep" / "out", progress=progress)
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_an_interrupted_run_keeps_what_was_there(tmp_path: Path) -> None:
-    (tmp_path / "out").mkdir()
-    (tmp_path / "out" / "index.md").write_text("old")
-
-    def give_up() -> None:
-        with publish(tmp_path / "out", FILES) as new:
-            (new / "index.md").write_text("new")
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        give_up()
-    assert (tmp_path / "out" / "index.md").read_text() == "old"
-    assert [path.name for path in tmp_path.iterdir()] == ["out"]
-
-
-def test_a_finished_folder_takes_its_place(tmp_path: Path) -> None:
-    for text in ("first", "second"):
-        with publish(tmp_path / "deep" / "out", ["a.txt"]) as new:
-            (new / "a.txt").write_text(text)
-        assert (tmp_path / "deep" / "out" / "a.txt").read_text() == text
-    assert [path.name for path in tmp_path.rglob("*")] == ["deep", "out", "a.txt"]
-
-
-def test_a_folder_of_other_files_is_left_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    (tmp_path / "thesis.tex").write_text("years of work")
-    with pytest.raises(FileExistsError, match=r"holds 'thesis\.tex', which is not of this command"):
-        reproduce.reproduce(tmp_path)
-    with pytest.raises(NotADirectoryError, match="is a file"):
-        reproduce.reproduce(tmp_path / "thesis.tex")
-    empty = tmp_path / "empty"
-    empty.mkdir()
-    monkeypatch.chdir(empty)
-    with pytest.raises(FileExistsError, match="is the current folder"):
-        reproduce.reproduce(".")
-    assert (tmp_path / "thesis.tex").read_text() == "years of work"
+        reproduce.reproduce(tmp_path / "deep" / "out", progress=progress)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_maps_are_labelled() -> None:

@@ -2,28 +2,31 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from glob import glob
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 from cyclopts import CoercionError, Parameter, Token
 from cyclopts.completion import CompletionContext
+from cyclopts.validators import Number
 
 Solver = Literal["compliant", "rigid"]
 
+# A number above 0, of a size that things have: its square is a number above 0 too.
+POSITIVE: Final = Parameter(validator=Number(gte=1e-9, lte=1e9))
 
-def number(kind: type, words: str, accepts: Callable[[Any], bool], *, several: bool = False) -> Parameter:
-    """Return what reads a number of a kind, or several, which ``words`` tell to whoever gives another."""
 
-    def one(token: Token) -> Any:
+def integer(least: int, *, several: bool = False) -> Parameter:
+    """Return what reads an integer, or several, and refuses those below the least one; Cyclopts would round 1.5."""
+
+    def one(token: Token) -> int:
         try:
-            value = kind(token.value)
+            value = int(token.value)
         except ValueError:
-            value = math.nan
-        if not accepts(value):
-            raise CoercionError(msg=f"must be {words}: {token.value!r}", token=token)
+            value = least - 1
+        if value < least:
+            raise CoercionError(msg=f"must be an integer >= {least}: {token.value!r}", token=token)
         return value
 
     def read(_: Any, tokens: Sequence[Token]) -> Any:
@@ -32,52 +35,66 @@ def number(kind: type, words: str, accepts: Callable[[Any], bool], *, several: b
     return Parameter(converter=read, consume_multiple=(1, None) if several else None)
 
 
-def within(most: float, unit: str) -> Parameter:
-    """Return what reads a number in [-most, most]."""
-    words = f"a finite number in [-{most:g}, {most:g}] {unit}"
-    return number(float, words, lambda value: abs(value) <= most)
+def within(most: float) -> Parameter:
+    """Return what refuses a number out of [-most, most]."""
+    return Parameter(validator=Number(gte=-most, lte=most))
 
 
-def positive(unit: str) -> Parameter:
-    """Return what reads a number above 0, of a size that things have: its square is a number above 0 too."""
-    return number(float, f"a number in [1e-09, 1e+09] {unit}", lambda value: 1e-9 <= value <= 1e9)
+def _named(called: str, folder: Literal["scenarios", "studies", "suites"]) -> Parameter:
+    """Return what refuses an unknown name or a missing file before anything large is loaded, and completes both."""
 
+    def check(_: Any, name: str | None) -> None:
+        if name is None:  # not given
+            return
+        from sledenv.machine.shipped import find_file
 
-def _named(folder: Literal["scenarios", "studies", "suites"]) -> Parameter:
-    """Return what completes the names of shipped files and the paths of others."""
+        file = find_file(called, folder, name)
+        if not file.is_file():
+            raise ValueError(
+                f"{file}: cannot be read: {'it is a folder' if file.is_dir() else 'there is no such file'}"
+            )
 
     def offered(context: CompletionContext) -> list[str]:
-        from sledenv.scenarios.configuration import shipped
+        from sledenv.machine.shipped import shipped
 
         return [*shipped(folder), *glob(f"{context.incomplete}*.yaml")]
 
-    return Parameter(completer=offered)
+    return Parameter(validator=check, completer=offered)
 
 
-def _folder(_: Any, tokens: Sequence[Token]) -> Path:
+def _check_folder(_: Any, folder: Path | None) -> None:
+    if folder is None:  # not given
+        return
     from sledenv.machine.files import check_folder
 
-    folder = Path(tokens[0].value)
     try:
         check_folder(folder)
     except OSError as error:
         raise ValueError(str(error)) from error
-    return folder
 
 
-_SEED: Any = int, "an integer >= 0", lambda value: value >= 0
-Seed = Annotated[int, number(*_SEED)]
-Seeds = Annotated[tuple[int, ...], Parameter(metavar="SEED"), number(*_SEED, several=True)]
-Count = Annotated[int, Parameter(metavar="N"), number(int, "an integer >= 1", lambda value: value >= 1)]
+def _check_readable(_: Any, file: Path) -> None:
+    if not file.exists():
+        raise ValueError(f"{file} cannot be read: there is no such file")
+    if not file.is_file():
+        raise ValueError(f"{file} cannot be read: must be a regular file, no folder, device or pipe")
+
+
+Seed = Annotated[int, integer(0)]
+Seeds = Annotated[tuple[int, ...], Parameter(metavar="SEED"), integer(0, several=True)]
+Count = Annotated[int, Parameter(metavar="N"), integer(1)]
 ScenarioName = Annotated[
-    str, Parameter(help="Name (sledenv scenarios lists them), or a file that ends in .yaml"), _named("scenarios")
+    str,
+    Parameter(help="Name (sledenv scenarios lists them), or a file that ends in .yaml"),
+    _named("scenario", "scenarios"),
 ]
-StudyName = Annotated[str, _named("studies")]
-SuiteName = Annotated[str, _named("suites")]
+StudyName = Annotated[str, _named("study", "studies")]
+SuiteName = Annotated[str, _named("suite", "suites")]
 Surfaces = Parameter(help="Contact model; rigid ignores the stiffness")
 Json = Annotated[bool, Parameter(help="Print the result as one JSON document")]
-Folder = Annotated[Path, Parameter(metavar="FOLDER", converter=_folder)]
+Folder = Annotated[Path, Parameter(metavar="FOLDER", validator=_check_folder)]
 File = Annotated[Path, Parameter(metavar="FILE")]
+FileToRead = Annotated[File, Parameter(validator=_check_readable)]
 Workers = Annotated[Count, Parameter(help="Processes (default: one a core)")]
 Ray = Annotated[
     str, Parameter(metavar="ADDRESS", help='Use the Ray cluster at this address instead, or start one here: "local"')

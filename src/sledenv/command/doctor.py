@@ -44,7 +44,7 @@ def examine(report: Callable[[str, str], None]) -> list[str]:
         What is wrong, one line each; empty if nothing is.
     """
     report("versions", ", ".join(_versions()))
-    report("processor", f"{', '.join(_processor())}, cores {os.cpu_count()}")
+    report("processor", f"{processor()}, cores {os.cpu_count()}")
     problems = []
     try:
         report("kernel", "plain Python" if INTERPRETED else LIBRARY.ready())
@@ -73,17 +73,14 @@ def _versions() -> Iterator[str]:
             yield f"{name} not installed"
 
 
-def _processor() -> Iterator[str]:
-    """Name of the processor, and whether it has what the speed depends on, as far as the system says so."""
+def processor() -> str:
+    """Return the name of the processor, as far as the system says so."""
     try:
         lines = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:  # not Linux
         lines = []
-    known = {name.strip(): value.strip() for name, _, value in (line.partition(":") for line in lines)}
-    yield known.get("model name") or platform.processor() or platform.machine()
-    flags = known.get("flags", "").split()
-    for name in ("FMA", "AVX2"):
-        yield f"{name} {('yes' if name.lower() in flags else 'no') if flags else 'unknown'}"
+    models = (line.partition(":")[2].strip() for line in lines if line.startswith("model name"))
+    return next(models, platform.processor() or platform.machine())
 
 
 def _reference() -> str:

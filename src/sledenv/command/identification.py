@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import CoercionError, Group, Parameter, Token
 
-from sledenv.command.arguments import Count, File, Folder, Json, Seed, Solver, positive, within
+from sledenv.command.arguments import POSITIVE, Count, FileToRead, Folder, Json, Seed, Solver, within
 from sledenv.command.running import progress, taken, tell, working
 
 if TYPE_CHECKING:
@@ -54,10 +54,10 @@ class Shape:
         Of the arc; 180 has no corners.
     """
 
-    gyration_radius: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
-    radius: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
-    eccentricity: Annotated[float, Parameter(metavar="M"), within(1e9, "m")] = 0.0
-    half_angle_deg: Annotated[float, Parameter(metavar="DEG"), within(180.0, "deg")] = 180.0
+    gyration_radius: Annotated[float | None, Parameter(metavar="M"), POSITIVE] = None
+    radius: Annotated[float | None, Parameter(metavar="M"), POSITIVE] = None
+    eccentricity: Annotated[float, Parameter(metavar="M"), within(1e9)] = 0.0
+    half_angle_deg: Annotated[float, Parameter(metavar="DEG"), within(180.0)] = 180.0
 
     def body(self, mass: float) -> Body:
         """Return the body of this mass."""
@@ -119,12 +119,12 @@ class Tracks:
         The same of the orientation.
     """
 
-    slope_deg: Annotated[float | None, Parameter(metavar="DEG"), within(89.0, "deg")] = None
-    gravity: Annotated[float, Parameter(metavar="M_S2"), positive("m/s^2")] = 9.81
-    mass: Annotated[float, Parameter(metavar="KG"), positive("kg")] = 1.0
+    slope_deg: Annotated[float | None, Parameter(metavar="DEG"), within(89.0)] = None
+    gravity: Annotated[float, Parameter(metavar="M_S2"), POSITIVE] = 9.81
+    mass: Annotated[float, Parameter(metavar="KG"), POSITIVE] = 1.0
     surfaces: Solver = "rigid"
-    position_noise: Annotated[float | None, Parameter(metavar="M"), positive("m")] = None
-    angle_noise_deg: Annotated[float | None, Parameter(metavar="DEG"), positive("deg")] = None
+    position_noise: Annotated[float | None, Parameter(metavar="M"), POSITIVE] = None
+    angle_noise_deg: Annotated[float | None, Parameter(metavar="DEG"), POSITIVE] = None
 
     def slope(self) -> Slope:
         """Return the slope."""
@@ -148,7 +148,7 @@ _NO_SHAPE, _USUAL, _NO_TRACKS = Shape(), Rebounds(), Tracks()
 
 
 def identify(
-    file: File,
+    file: FileToRead,
     /,
     *,
     shape: Shape = _NO_SHAPE,

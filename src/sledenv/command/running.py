@@ -65,8 +65,6 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         141 where nobody reads on.
     """
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if not words and command.default_command is None:
-        return _told(f"{command.name[0]}: error: a command is needed, see --help", WRONG)
     name = " ".join((*command.name, *(word for word in command.parse_commands(words)[0] if word[0] != "-")))
     before = signal.signal(signal.SIGTERM, _terminate)  # or the folder being written would stay
     heeded = signal.getsignal(signal.SIGINT)
@@ -144,16 +142,13 @@ def _plain(value: Any) -> Any:
 
 @contextmanager
 def working(words: str) -> Iterator[None]:
-    """Show on standard error what is being done and for how long, if that is a terminal."""
+    """Show on standard error that something is being done, if that is a terminal."""
     if not sys.stderr.isatty():
         yield
         return
     from rich.console import Console
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
-    with Progress(*columns, console=Console(stderr=True), transient=True, redirect_stdout=False) as shown:
-        shown.add_task(words, total=None)
+    with Console(stderr=True).status(words):
         yield
 
 

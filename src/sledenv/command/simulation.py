@@ -52,9 +52,9 @@ class Launch:
     """
 
     seed: Seed = 0
-    orientation_deg: Annotated[float | None, Parameter(metavar="DEG"), within(360.0, "deg")] = None
-    spin: Annotated[float | None, Parameter(metavar="RAD_S"), within(1e6, "rad/s")] = None
-    speed: Annotated[float | None, Parameter(metavar="M_S"), within(1e6, "m/s")] = None
+    orientation_deg: Annotated[float | None, Parameter(metavar="DEG"), within(360.0)] = None
+    spin: Annotated[float | None, Parameter(metavar="RAD_S"), within(1e6)] = None
+    speed: Annotated[float | None, Parameter(metavar="M_S"), within(1e6)] = None
 
 
 _DRAWN = Launch()
@@ -166,7 +166,7 @@ def sensitivity(
 
 
 def scenarios(*, json: Json = False) -> None:
-    """List the shipped scenarios: name, what an agent chooses, solver, and what is asked."""
+    """List the shipped scenarios: name, what an agent chooses, and what is asked."""
     from sledenv.envs.task import TRIM
     from sledenv.machine.text_tables import fitted
     from sledenv.scenarios.scenario import load_scenario, scenario_names
@@ -174,11 +174,12 @@ def scenarios(*, json: Json = False) -> None:
 
     shipped = [load_scenario(name) for name in scenario_names()]
     chosen = [(TRIM,) if one.is_ride else control_words(one.control_bounds)[one.control.chosen] for one in shipped]
-    rows = [(one.id, controls, "compliant", one.question) for one, controls in zip(shipped, chosen, strict=True)]
-    names = "name", "agent chooses", "solver", "what is asked"
-    cells = [(name, ", ".join(controls), solver, question) for name, controls, solver, question in rows]
-    data = [dict(zip(("name", "agent_chooses", "solver", "question"), row, strict=True)) for row in rows]
-    tell(fitted(names, cells, words=len(names)), data, json)
+    cells = [(one.id, ", ".join(controls), one.question) for one, controls in zip(shipped, chosen, strict=True)]
+    data = [
+        {"name": one.id, "agent_chooses": controls, "question": one.question}
+        for one, controls in zip(shipped, chosen, strict=True)
+    ]
+    tell(fitted(("name", "agent chooses", "what is asked"), cells, words=3), data, json)
 
 
 def replay(

@@ -6,9 +6,7 @@ import hashlib
 import json
 import logging
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
-
-import numpy as np
+from typing import TYPE_CHECKING, Final
 
 from sledenv.machine.files import replacing
 
@@ -71,18 +69,8 @@ def read_sealed(file: Path, doing: str) -> pd.DataFrame | None:
 
 def _digest(table: pd.DataFrame, name: str) -> str:
     """Return a digest of the values of a table, whatever Parquet makes of its types."""
-    found = hashlib.sha256(json.dumps([name, table.attrs, len(table)], sort_keys=True).encode())
-    for column, values in table.items():
-        plain = _plain(values)
-        found.update(json.dumps([column, plain.dtype.kind, plain.size]).encode())
-        found.update(plain.tobytes())
+    from pandas.util import hash_pandas_object
+
+    found = hashlib.sha256(json.dumps([name, table.attrs, list(table.columns)], sort_keys=True).encode())
+    found.update(hash_pandas_object(table, index=False).to_numpy().tobytes())
     return found.hexdigest()
-
-
-def _plain(values: pd.Series[Any]) -> np.ndarray:
-    """Return a column as bytes of texts, or as numbers of which all NaN are alike."""
-    kind = getattr(values.dtype, "kind", "O")
-    if kind not in "biuf":
-        return np.frombuffer(json.dumps(values.astype(str).tolist()).encode(), np.uint8)
-    numbers = values.to_numpy()
-    return np.where(np.isnan(numbers), np.nan, numbers) if kind == "f" else numbers

@@ -7,9 +7,8 @@ import re
 import reprlib
 import sys
 from collections.abc import Collection
-from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Final, Self, get_args
+from typing import Annotated, Any, ClassVar, Self, get_args
 
 import numpy as np
 import yaml
@@ -17,10 +16,9 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
-from sledenv.machine.extras import folder_of
+from sledenv.machine.shipped import CONFIGS, find_file, shipped, suggestion
 
 Pair = tuple[float, float]
-CONFIGS: Final = folder_of("configs")  # all that ships as YAML: scenarios, tracks, studies, suites, settings
 
 _NUMBERS = {  # tags of YAML, and how they are written here
     "tag:yaml.org,2002:int": r"[-+]?(0|[1-9][0-9]*)$",
@@ -208,7 +206,7 @@ class Section(BaseModel):
                 accepted += _needed(fields[key].annotation)
                 return f"{path}: missing" + "".join(f"; must be {allowed}" for allowed in accepted)
             case "extra_forbidden":
-                return f"{path} = {value}: unknown key{_hint(key, fields)}; known: {', '.join(fields)}"
+                return f"{path} = {value}: unknown key{suggestion(key, fields)}; known: {', '.join(fields)}"
             case "union_tag_not_found":
                 return f"{path}.{wrong_kind(None, _kinds(fields[key].annotation))}"
             case "union_tag_invalid":
@@ -310,13 +308,10 @@ class Document(Section):
         """
         if not isinstance(name_or_path, str | os.PathLike):
             raise TypeError(f"{cls.called} = {name_or_path!r}: must be the name of one or the path of a file")
-        name, known = os.fspath(name_or_path), cls.names()
-        if name.endswith((".yaml", ".yml")):
-            return Path(name)
-        if name not in known:
-            hint = _hint(name, known)
-            raise cls.error(f"unknown {cls.called} {name!r}{hint}; known: {', '.join(known)}; a file ends in .yaml")
-        return CONFIGS / cls.folder / f"{name}.yaml"
+        try:
+            return find_file(cls.called, cls.folder, os.fspath(name_or_path))
+        except ValueError as error:
+            raise cls.error(str(error)) from None
 
     @classmethod
     def load(cls, name_or_path: str | os.PathLike[str]) -> Self:
@@ -353,12 +348,7 @@ def wrong_kind(kind: Any, known: Collection[str]) -> str:
     """Return what is wrong with a key ``kind`` that is none of those known, or None where it is missing."""
     if kind is None:
         return f"kind: missing; must be one of {', '.join(known)}"
-    return f"kind = {reprlib.repr(kind)}: must be one of {', '.join(known)}{_hint(str(kind), known)}"
-
-
-def shipped(folder: str) -> tuple[str, ...]:
-    """Return the names of the files that ship in a folder of ``configs``, sorted."""
-    return tuple(sorted(file.stem for file in (CONFIGS / folder).glob("*.yaml")))
+    return f"kind = {reprlib.repr(kind)}: must be one of {', '.join(known)}{suggestion(str(kind), known)}"
 
 
 def read_yaml(file: Path) -> Any:
@@ -418,9 +408,3 @@ class _Dumper(yaml.SafeDumper):
 
     def ignore_aliases(self, data: Any) -> bool:
         return True
-
-
-def _hint(word: str, known: Any) -> str:
-    """Return a suggestion for a misspelt word, empty if nothing is near."""
-    nearest = get_close_matches(word, known, n=1)
-    return f" (did you mean {nearest[0]!r}?)" if nearest else ""
