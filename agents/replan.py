@@ -74,7 +74,7 @@ class Agent:
         actions = np.zeros((len(scenes.rows), 1), np.float32)
         if self._task.scenario.rider is None or flights is None:
             return actions
-        left = np.flatnonzero(flights["x"] < scenes.rows["length"])  # behind the line nothing is left to do
+        left = np.flatnonzero(flights["x"] < scenes.rows["length"])  # behind the finish nothing is left to do
         tried, trims, chances = self._tried(self._spins[0])
         for begin in range(0, len(left), _BLOCK):
             rows = left[begin : begin + _BLOCK]

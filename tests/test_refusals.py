@@ -169,7 +169,7 @@ def with_options(options: Any) -> Any:
         (lambda: made().reset(seed=-1), "seed = -1: must be an integer >= 0"),
         (lambda: lanes(seed=-1), "seed = -1: must be an integer >= 0"),
         (lambda: lanes(seed=[0, True]), "seed[1] = True: must be an integer >= 0"),
-        (lambda: lanes(seed=np.array(1.0)), "seed = array(1.): must be an integer >= 0, or a sequence of one a lane"),
+        (lambda: lanes(seed=np.array(1.0)), "seed = array(1.): must be an integer >= 0, or a sequence of one per lane"),
         (lambda: make_vec_env(ID, 2, seed=True), "seed = True: must be an integer >= 0"),
         (lambda: made(render_mode=5), "render_mode = 5: must be one of 'human', 'rgb_array'"),
         (lambda: made(render_mode=np.zeros(2)), "render_mode = array([0., 0.]): must be one of 'human', 'rgb_array'"),
@@ -203,7 +203,7 @@ def with_options(options: Any) -> Any:
         (lambda: make_vec_env(ID, 2, info=None), "info = None: must be a sequence of any of 'context', 'launch'"),
         (lambda: make_vec_env(ID, 2, info=[[]]), "info = [[]]: must be a sequence of any of 'context', 'launch'"),
         (lambda: make_vec_env(ID, 2, env_kwargs=5), "env_kwargs = 5: must be a mapping of names to values"),
-        (lambda: with_options(5), "options = 5: must be a mapping, or a list of one a lane"),
+        (lambda: with_options(5), "options = 5: must be a mapping, or a list of one per lane"),
         (
             lambda: many([[0.0, 1.0, 0.0, True, -1.0, 0.0]]),
             "launches holds True or False: must hold numbers, columns x",
@@ -244,7 +244,7 @@ def with_options(options: Any) -> Any:
         (lambda: wheel(u=[1.0, True]), "u holds True or False: must hold numbers, each a finite number"),
         (lambda: wheel(v=np.ma.masked), "v is a masked array, or holds one: must hold numbers, each a finite number"),
         (lambda: sledenv.study("push_off", "out", launches=10**400), "launches = 1000000"),
-        (lambda: with_options([{}, {}]), "options has 2 entries: must be one a lane, 3"),
+        (lambda: with_options([{}, {}]), "options has 2 entries: must be one per lane, 3"),
     ],
 )
 def test_what_is_not_taken_is_refused_by_name(call: Callable[[], Any], message: str) -> None:

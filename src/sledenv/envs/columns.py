@@ -1,4 +1,4 @@
-"""What agents see: the columns of an observation, each with its name, its unit, its scale and what it is computed of.
+"""Columns of an observation, each with its name, its unit, its scale and what it is computed of.
 
 A new entry of the state is an entry of ``STATE``; of the ground and of landings it is one of the kernel's (outlook.py)
 and a row here. ``python -m sledenv.envs.columns`` prints the table of docs/environments.md.
@@ -25,7 +25,7 @@ BOUND: Final = 5.0  # of entries that have no bound of their own: most are withi
 
 
 class Scales(NamedTuple):
-    """What columns of one scenario are scaled by."""
+    """Scales of the columns of one scenario."""
 
     length: float  # [m] of the slope
     size: float  # [m] of the largest body
@@ -40,7 +40,7 @@ class Scales(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What columns of n lanes are computed of."""
+    """All that columns of n lanes are computed of."""
 
     scenes: Scenes
     flights: np.ndarray  # of OUTCOME, (n,)
@@ -67,7 +67,7 @@ class Column(NamedTuple):
 # The flight that begins. Scales are such that in rides of the shipped scenarios with random trims each entry has a
 # standard deviation between 0.1 and 1; only the pose of a sled, which hardly turns, has less.
 STATE: Final = (
-    Column("left", "m", "way to the line", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
+    Column("left", "m", "way to the finish", "L", lambda of: of.length, lambda see: see.scenes.rows["length"] - see.x),
     Column(
         *("height", "m", "height of the mass centre over the ground below it", "0.4 s"),
         *(lambda of: 0.4 * of.size, lambda see: see.flights["y"] - see.outlook.under),
@@ -106,7 +106,7 @@ STATE: Final = (
 
 
 class Around(NamedTuple):
-    """What is told of each vertex around, as the kernel's VERTEX has it: the k-th one to its side."""
+    """An entry of each vertex around, as the kernel's VERTEX has it: of the k-th one to its side."""
 
     name: str
     unit: str
@@ -125,7 +125,7 @@ AROUND: Final = (
 
 
 class Foreseen(NamedTuple):
-    """What is told of a landing, as the kernel's LANDING has it."""
+    """An entry of a landing, as the kernel's LANDING has it."""
 
     name: str
     unit: str
