@@ -32,7 +32,7 @@ def best_rides(problem: Problem, scenes: Contexts, searches: int = SEARCHES) -> 
     Returns
     -------
     DataFrame
-        One row a scene: ``action_0``, ... of the best plan found, the trims of one flight after the other in [-1, 1],
+        One row per scene: ``action_0``, ... of the best plan found, the trims of one flight after the other in [-1, 1],
         NaN behind the last; its ``reward``; ``apart``, how far the best search is above the worst.
 
     Notes

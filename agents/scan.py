@@ -1,4 +1,4 @@
-"""Questions that a scenario of rides asks of an agent: ``python -m sledenv.agents.scan SCENARIO``."""
+"""Scan of what a scenario of rides asks of an agent: ``python -m sledenv.agents.scan SCENARIO``."""
 
 from __future__ import annotations
 

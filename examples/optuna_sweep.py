@@ -24,7 +24,7 @@ STEPS = 4  # of every lane between two updates, and between two looks of the pru
 
 @dataclass(frozen=True)
 class Policy:
-    """A model of PPO, as ``Problem.judge`` asks it for a launch."""
+    """Answers what ``Problem.judge`` asks for a launch."""
 
     model: PPO
 

@@ -9,8 +9,6 @@ from scipy.special import ndtri
 from sledenv import load_scenario
 from sledenv.agents import land_flat, land_parallel, replan, zero
 from sledenv.benchmark.problem import Problem
-from sledenv.envs.inputs import SEEN
-from sledenv.envs.task import Task
 from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.records import RUNNING
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -35,46 +33,6 @@ def launched(problem: Problem, contexts: np.ndarray, agent) -> tuple[np.ndarray,
 
 def turned(angle: np.ndarray) -> np.ndarray:
     return np.angle(np.exp(1j * angle))
-
-
-@pytest.mark.parametrize("control", CONTROLS)
-@pytest.mark.parametrize("name", [own_scenario("brake_mat"), own_scenario("ice_drop")])
-def test_contexts_come_back_from_what_is_seen_of_them(name, control):
-    """Oracle: the contexts that were observed, up to the rounding of float32; a choice is not known."""
-    task = Task(name, control)
-    contexts = task.scenario.contexts(np.random.default_rng(0).random((50, 11)))
-    seen = task.contexts_seen(task.observe(task.scenes(contexts)))
-    chosen = [i for i, field in enumerate(("orientation", "spin"), 6) if field in task.controlled]
-    assert np.isnan(seen[:, chosen]).all()
-    known = np.delete(np.arange(11), chosen)
-    low, high = task.scenario.ranges
-    assert (np.abs(seen - contexts)[:, known] <= 1e-7 * (high - low)[known]).all()
-
-
-@pytest.mark.parametrize("scenario", [own_scenario("ice_drop"), ride_over_bumps()], ids=["plane", "bumps"])
-def test_flights_come_back_from_what_is_seen_of_them(scenario):
-    """Oracle: the rides themselves where a flight begins, and the ground around."""
-    task = Task(scenario, ride=True)
-    rides = task.rides(task.scenario.draw(np.random.default_rng(1).random((40, task.scenario.draws))))
-    rides.hop(np.full(40, 0.5))
-    running = np.flatnonzero(rides.flights["status"] == RUNNING)
-    scenes, flights = rides.scenes.take(running), rides.flights[running]
-    assert len(flights) > 20
-    seen = task.columns.values(task.observe(scenes, flights))
-    assert scenes.rows["length"] - seen["left"] == pytest.approx(flights["x"], abs=2e-5)
-    for name in ("u", "v", "omega"):
-        assert seen[name] == pytest.approx(flights[name], abs=2e-5)
-    assert seen["trim"] == pytest.approx(0.5, abs=1e-6)
-    assert seen["supplied"] * task.bodies[0].mass == pytest.approx(flights["supplied"], rel=1e-6)
-    for i, (x, vertices) in enumerate(zip(flights["x"], scenes.grounds(), strict=True)):
-        level = np.interp(x, vertices["x"], vertices["y"]) if len(vertices) else 0.0
-        assert seen["height"][i] == pytest.approx(flights["y"][i] - level, abs=2e-5)
-        for k in range(1, 9 if len(vertices) else 0):
-            if seen[f"ahead_{k}_there"][i]:
-                there = x + seen[f"ahead_{k}_x"][i]
-                assert seen[f"ahead_{k}_y"][i] == pytest.approx(
-                    np.interp(there, vertices["x"], vertices["y"]) - level, abs=2e-5
-                )
 
 
 def test_land_flat_rolls_onto_a_rough_mat_and_does_not_slip():
@@ -114,14 +72,6 @@ def test_land_flat_mirrors_with_the_disturbance():
     poses, others = (agent.act(problem.task.observe(problem.task.scenes(each))) for each in (contexts, mirrored))
     assert np.abs(poses).max() > 0.05
     assert others == pytest.approx(-poses, abs=1e-6)
-
-
-def test_land_flat_without_fall_or_gravity_still_acts():
-    for control in CONTROLS:
-        problem = Problem(altered(own_scenario("ice_drop"), slope={"gravity_m_s2": 0}), control=control)
-        seen = problem.task.observe(problem.task.scenes(problem.contexts("test", 5)))
-        actions = land_flat.Agent(problem).act(seen)
-        assert problem.action_space.contains(actions[0])
 
 
 def test_the_zero_action_earns_what_the_launch_earns_alone():
@@ -211,44 +161,6 @@ def test_replan_rates_a_spin_by_the_best_that_can_follow():
     assert np.median(np.abs(predicted - np.max(earned, axis=0))) < 1e-7
 
 
-def test_a_critic_tells_what_follows_behind_the_lookahead(monkeypatch):
-    """Oracle: the rides themselves, one spin further, and what is seen of them there; the critic rates the way left."""
-    problem = Problem(ride_over_bumps(), "descent")
-    task, contexts = problem.task, problem.contexts("test", 40)
-    left = task.observation_names.index("left")
-    shown = []
-
-    class Critic:
-        def expected(self, observations):
-            shown.append(observations)
-            return 0.25 * observations[:, left]
-
-    rides = task.rides(task.scenes(contexts))
-    scenes = task.masked(rides.scenes, rides.flights)
-    monkeypatch.setattr(replan, "load_run", lambda run: (problem, Critic(), {}))
-    agent = replan.Agent(problem, [1], "{scenario}-critic")
-    predicted = agent.predicted(scenes, rides.flights, np.full((40, 1), 0.5))[:, 0]
-    rides.hop(np.full(40, 0.5))
-    running = np.flatnonzero(rides.flights["status"] == RUNNING)
-    seen = task.observe(rides.scenes.take(running), rides.flights[running])
-    earned = rides.descents().jam.reward
-    earned[running] += 0.25 * seen[:, left]
-    assert 10 < len(running) < 40
-    assert np.median(np.abs(predicted - earned)) < 1e-6
-    # What lies further ahead than the eighth vertex was not seen before.
-    near = slice(SEEN, task.observation_names.index("ahead_4_x"))
-    assert np.median(np.abs(shown[0][:, near] - seen[:, near])) < 1e-6
-
-
-def test_replan_takes_a_critic_of_rides_by_the_name_of_its_run():
-    problem = Problem("sled_kickers", "descent")
-    contexts = problem.contexts("test", 4)
-    given = {"spins": [9], "critic": "{scenario}-descent-trim-critic-s0"}
-    assert (problem.judge(replan.Agent(problem, **given), contexts)[0].jam.reward > 0.0).all()
-    with pytest.raises(ValueError, match="must be 'descent' for a critic of rides"):
-        replan.Agent(problem, [9], "sled_mat-launch-spin-critic-s0")
-
-
 def test_replan_counts_on_the_errors_of_an_unsteady_rider():
     """Oracle: rides with many errors of the first trim, which then lend the same; who expects none earns less."""
     means = []
@@ -265,18 +177,3 @@ def test_replan_counts_on_the_errors_of_an_unsteady_rider():
             rides.hop(spins)
         means.append(rides.descents().jam.reward.mean())
     assert means[0] > means[1] + 0.02
-
-
-def test_replan_does_nothing_once_a_ride_has_passed_the_line():
-    """Oracle: what it does in the other lanes alone."""
-    problem = Problem(ride_over_bumps(), "descent")
-    task, contexts = problem.task, problem.contexts("test", 4)
-    rides = task.rides(task.scenes(contexts))
-    flights = rides.flights.copy()
-    flights["x"][1] = task.scenario.slope_section.length_m + 1.0
-    scenes, agent = task.masked(rides.scenes, flights), replan.Agent(problem, [5])
-    found = agent.plan(scenes, flights)
-    assert found[1, 0] == 0.0
-    others = np.array([0, 2, 3])
-    np.testing.assert_array_equal(found[others], agent.plan(scenes.take(others), flights[others]))
-    assert not agent.plan(scenes.take(slice(1, 2)), flights[1:2]).any()

@@ -1,4 +1,4 @@
-"""What agents choose, as marks of the page with maps of contexts, and that a browser shows the marked launches."""
+"""Choices of agents, as marks of the page with maps of contexts, and that a browser shows the marked launches."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import json
 import math
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -17,7 +16,7 @@ from sledenv.benchmark.landscape import Choices, choices
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import train
 from sledenv.command.cli import main
-from sledenv.pages.play import MOST_SEEDS, map_page
+from sledenv.pages.play import map_page
 from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
 from sledenv.simulation.simulate import simulate
 from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
@@ -62,12 +61,6 @@ def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -
         assert mark["expected"] == pytest.approx(reward, abs=1e-6)
         assert f"reward {mark['expected']:.4f}" in made[seed].words
         assert made[seed].plain[0]["reward"] == mark["expected"]
-
-
-def test_one_control_has_a_map_over_orientation_and_spin() -> None:
-    data = data_of(map_page(load_scenario("sled_mat"), [2], {}))
-    assert data["axes"] == ["orientation", "spin"]
-    assert data["free"] == ["spin"]
 
 
 def test_contexts_of_several_bodies_have_theirs() -> None:
@@ -136,12 +129,6 @@ def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Bro
     assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
 
 
-@pytest.mark.parametrize("seeds", [[], [1, 1], list(range(MOST_SEEDS + 1))])
-def test_wrong_seeds_are_named(seeds: list[int]) -> None:
-    with pytest.raises(ValueError, match=r"seeds = .*must be 1 to"):
-        map_page(load_scenario(SCENARIO), seeds, {})
-
-
 def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(module, "_chosen", None)
     scenario = load_scenario(SCENARIO)
@@ -181,16 +168,10 @@ def test_the_command_writes_a_page_alone(
         (["--html", "page.png"], "--html: page.png: must end in .html"),
     ],
 )
-def test_wrong_arguments_are_explained(
-    arguments: list[str],
-    message: str,
-    tmp_path: Path,
-    capsys: pytest.CaptureFixture[str],
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_wrong_arguments_are_explained(arguments, message, tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     try:
-        status: Any = main(["map", own_scenario("ice_drop"), *arguments])
+        status = main(["map", own_scenario("ice_drop"), *arguments])
     except SystemExit as stop:
         status = stop.code
     assert status == 2

@@ -9,26 +9,19 @@ from gymnasium.error import InvalidAction
 from scipy.interpolate import RegularGridInterpolator
 from scipy.special import ndtri
 
-from sledenv.benchmark.oracle import _maxima, _search, best_launches, jam_map, rewards_of
+from sledenv.benchmark.oracle import _search, best_launches, jam_map, rewards_of
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
-from sledenv.scenarios.scenario import Context, Scenario, load_scenario
+from sledenv.scenarios.scenario import Context
 from tests.own_scenarios import own_scenario
 
 
-@pytest.mark.parametrize(
-    ("launches", "message"),
-    [
-        (np.full((3, 1), -5.0), r"actions\[0\] = \[-5.0\]: must be within \[-1.0, 1.0\]"),
-        (np.zeros((3, 2)), r"actions have shape \(3, 2\): must be \(3, 1\), columns spin"),
-        (np.zeros((2, 1)), r"actions have shape \(2, 1\): must be \(3, 1\), columns spin"),
-        (np.full((3, 1), np.nan), r"actions\[0\] = \[nan\]"),
-    ],
-)
-def test_launches_that_are_none_earn_nothing(launches, message):
+def test_launches_that_are_none_earn_nothing_and_rides_have_no_search():
     problem = Problem("sled_mat")
-    with pytest.raises(InvalidAction, match=message):
-        rewards_of(problem, problem.contexts("test", 3), launches)
+    with pytest.raises(InvalidAction, match=r"actions\[0\] = \[-5.0\]: must be within \[-1.0, 1.0\]"):
+        rewards_of(problem, problem.contexts("test", 3), np.full((3, 1), -5.0))
+    with pytest.raises(ValueError, match="rides have no search here"):
+        best_launches(Problem("sled_rollers", "descent"), np.zeros((2, 12)))
 
 
 @pytest.fixture(scope="module")
@@ -124,48 +117,3 @@ def test_the_interval_is_that_of_the_launch_and_other_searches_find_little_more(
     first = problem.expect(problem.scenes(contexts, 512, (12,)), more)
     best = np.take_along_axis(more, np.argsort(-first, axis=1)[:, :4, np.newaxis], axis=1)
     assert (problem.expect(draws, best).max(axis=1) > table["high"] + table["apart"]).sum() <= 3
-
-
-def test_what_is_hidden_is_known_to_a_search():
-    """Oracle: the same problem with nothing hidden."""
-    hidden = [name for name in Context.seen if name != "friction"]
-    problem, full = (Problem(own_scenario("ice_drop"), "launch", "spin", observe=seen) for seen in (hidden, "all"))
-    contexts = problem.contexts("test", 1)
-    pd.testing.assert_frame_equal(best_launches(problem, contexts), best_launches(full, contexts))
-
-
-@pytest.mark.parametrize("control", ["both", "orientation", "spin"])
-def test_no_cell_is_refined_twice(control):
-    """Where a grid has few cells, neighbours are refined once there is nothing else."""
-    problem = Problem(own_scenario("ice_drop"), control=control)
-    rewards = np.random.default_rng(0).random((40,) if problem.actions == 1 else (8, 7))
-    starts = _maxima(problem, rewards, 24)
-    assert len(set(starts.tolist())) == 24
-    assert starts[0] == rewards.argmax()
-
-
-@pytest.mark.parametrize("noise", [None, (0.0, 0.0)])
-@pytest.mark.parametrize("control", ["speed", "all"])
-def test_speeds_are_searched_too_and_launches_may_be_exact(control, noise):
-    """Oracle: the simulator; a random search; the best of both at the speed of the context, which is less free."""
-    content = load_scenario(own_scenario("boulders")).model_dump(by_alias=True)
-    content["control"]["speed_m_s"] = (2.0, 8.0)
-    problem = Problem(Scenario.model_validate(content), control=control, launch_noise=noise)
-    contexts = problem.contexts("test", 1)
-    table = best_launches(problem, contexts)
-    assert np.array_equal(rewards_of(problem, contexts, actions_of(table)), table["reward"])
-    tried = np.random.default_rng(0).uniform(-1.0, 1.0, (1, 500, problem.actions))
-    best = tried[:, problem.expect(problem.scenes(contexts, 64, (9,)), tried).argmax(axis=1)]  # by other draws
-    assert problem.expect(problem.trials(contexts, "test"), best).max() <= 1.005 * table["reward"][0]
-    assert table["low"][0] < table["high"][0]
-    (one,) = jam_map(problem, contexts, 3000)
-    assert one.rewards.size <= 9000
-    assert len(one.launches[-1]) > 2
-
-
-def test_what_is_not_chosen_is_not_searched():
-    problem = Problem(own_scenario("ice_drop"), control="spin")
-    table = best_launches(problem, problem.contexts("test", 2))
-    assert "action_1" not in table
-    with pytest.raises(ValueError, match="rides have no search here"):
-        best_launches(Problem("sled_rollers", "descent"), problem.contexts("test", 2))

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import re
-
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -11,7 +9,6 @@ import pytest
 from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
-from sledenv.machine.blame import GivenCodeError
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
@@ -95,27 +92,6 @@ def test_the_expected_reward_is_the_mean_over_the_trials(noisy):
     assert np.array_equal(drawn[TRIALS:, FIELDS:], trials[0, :, FIELDS:])
 
 
-def test_a_launch_is_chosen_once_and_judged_in_all_trials(noisy):
-    """Oracle: the mean over the trials, each judged by itself; an agent whose every answer is another one."""
-
-    class Counting:
-        asked = 0
-
-        def act(self, observations):
-            self.asked += len(observations)
-            return np.linspace(-0.5, 0.5, len(observations), dtype=np.float32)[:, np.newaxis]
-
-    problem = Problem(noisy)
-    trials = problem.trials(problem.contexts("test", 3), "test", 4)
-    agent = Counting()
-    batch, actions = problem.judge(agent, trials)
-    assert agent.asked == 3
-    assert actions.shape == (3, 1)
-    for i in range(4):
-        alone = problem.descend(trials[:, i], actions)
-        assert np.array_equal(alone.jam.reward, batch.jam.reward.reshape(3, 4)[:, i])
-
-
 def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest():
     """Oracle: uniform and normal moments; a problem that sees all has the same scenes but for the hidden fields."""
     seen = [name for name in Context._fields[:11] if name not in ("friction", "restitution")]
@@ -138,54 +114,6 @@ def test_scenes_draw_what_is_hidden_from_all_of_its_range_and_leave_the_rest():
     still = problem.scenes(contexts, 8, (5,), noisy=(True, False))[0, :, FIELDS:]
     assert still[:, 0].all()
     assert not still[:, 1].any()
-
-
-def test_an_unknown_environment_is_refused():
-    with pytest.raises(ValueError, match="environment = 'flight': must be one of 'launch', 'descent'"):
-        Problem(own_scenario("ice_drop"), "flight")
-
-
-@pytest.mark.parametrize(
-    ("environment", "wide", "message"),
-    [
-        ("launch", 1, r"actions have shape .*, 1\): must be \(\d+, 2\), columns orientation, spin"),
-        ("descent", 2, r"actions have shape .*, 2\): must be \(\d+, 1\), columns trim"),
-    ],
-)
-def test_an_agent_whose_actions_have_another_shape_is_named(environment, wide, message):
-    problem = Problem(own_scenario("ice_drop"), environment)
-    agent = Scripted(len(problem.task.observation_names), wide)
-    with pytest.raises(ValueError, match=f"^agent {__name__}, scenario ice_drop: {message}$"):
-        problem.judge(agent, problem.trials(problem.contexts("test", 3), "test"))
-
-
-@pytest.mark.parametrize(("answer", "message"), [(np.nan, "nan"), (1.5, "within"), ("x", "must hold numbers")])
-def test_an_agent_whose_actions_are_no_launches_is_named(answer, message):
-    class Wrong:
-        def act(self, observations: np.ndarray) -> np.ndarray:
-            return np.full((len(observations), 1), answer)
-
-    problem = Problem("sled_mat")
-    with pytest.raises(ValueError, match=f"(?s)^agent {__name__}, scenario sled_mat: .*{message}"):
-        problem.judge(Wrong(), problem.trials(problem.contexts("test", 3), "test"))
-
-
-@pytest.mark.parametrize(
-    ("act", "kind"), [(lambda seen: seen + np.zeros(3), ValueError), (lambda seen: seen[9], IndexError)]
-)
-def test_a_mistake_in_an_agent_is_not_taken_for_wrong_input(act, kind):
-    """Oracle: its kind, and the name of this file."""
-
-    class Broken:
-        def act(self, observations: np.ndarray) -> np.ndarray:
-            return act(observations)
-
-    problem = Problem("sled_mat")
-    said = f"^agent {__name__}, scenario sled_mat: act raised {kind.__name__}: "
-    with pytest.raises(GivenCodeError, match=said) as raised:
-        problem.judge(Broken(), problem.contexts("test", 2))
-    assert isinstance(raised.value.__cause__, kind)
-    assert re.search(r" \(test_problem\.py, line \d+\)$", str(raised.value))
 
 
 def test_shifted_contexts_are_harder_and_seen_on_the_scale_of_the_others():
@@ -215,3 +143,24 @@ def test_shifted_contexts_are_harder_and_seen_on_the_scale_of_the_others():
     assert first.max() > 1.0
     heights = [names.index(f"{side}_y") for side in ("behind_2", "behind_1", *(f"ahead_{k}" for k in range(1, 9)))]
     assert max(np.abs(one[:, heights]).max() for one in seen) > 1.0
+
+
+class Swinging:
+    """Trims to and fro, by what is left of the way."""
+
+    def act(self, observations):
+        return np.sin(40.0 * observations[:, 11:12])
+
+
+@pytest.mark.parametrize("scenario", ["sled_rollers", "sled_kickers"])
+def test_a_ride_is_repeated_from_its_trims(scenario):
+    """Oracle: the batch of all rides, bit for bit."""
+    problem = Problem(scenario, "descent")
+    scenes = problem.trials(problem.contexts("test", 4), "test")[:, 0]
+    batch, trims = problem.ride(Swinging(), scenes)
+    for i in range(len(scenes)):
+        made = trims[i][~np.isnan(trims[i])].tolist()
+        descent = problem.task.ridden(problem.task.scenes(scenes[i : i + 1]), made, record="trajectory")
+        assert descent.jam.reward == batch.jam.reward[i]
+        assert descent.time == batch.outcomes["t"][i]
+        assert descent.trajectory["t"][-1] == descent.time

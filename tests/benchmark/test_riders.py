@@ -58,17 +58,3 @@ def test_a_trained_agent_rides_if_it_is_named_or_ships(
         ridden(other.scenario, contexts, [run])
     with pytest.raises(ScenarioError, match="chooses a launch"):
         ridden(problem.scenario, contexts, [SHIPPED_LAUNCH])
-
-
-def test_others_ride_each_context_on_its_own_track(
-    problem: Problem, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    """Oracle: the rule judged on each track."""
-    monkeypatch.setattr(riders, "TRAINED", tmp_path)
-    contexts, tracks = drawn(problem, 4, 5), ("whoops", "triple")
-    found = ridden(problem.scenario, contexts, [], tracks)
-    for i, track in enumerate(tracks):
-        there = problem.on(track)
-        judged, _ = there.judge(land_parallel.Agent(problem), contexts[[i]])
-        plans = np.array([found[i][0].trims])
-        assert follow_plans(there, contexts[[i]], plans).jam.reward == judged.jam.reward

@@ -44,14 +44,9 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2
 @pytest.mark.parametrize(
     ("module", "message"),
     [
-        (".zero", "agent '.zero': must be the name of a module, such as sledenv.agents.zero"),
         ("../../x", "agent '../../x': must be the name of a module"),
-        ("a..b", "agent 'a..b': must be the name of a module"),
         ("", "agent '': must be the name of a module"),
-        ("a b", "agent 'a b': must be the name of a module"),
         ("sledenv.agents.sad", "there is no such module"),
-        ("sle", "there is no such module"),
-        ("json", "the module has no class Agent"),
         ("sledenv.benchmark.problem", "the module has no class Agent"),
     ],
 )
@@ -70,7 +65,6 @@ def test_what_is_no_agent_is_refused(module: str, message: str) -> None:
             "raised ModuleNotFoundError: No module named 'no_such_package' (clumsy_{n}.py, line 1)",
         ),
         ("def f(:\n", "importing it raised SyntaxError: invalid syntax (clumsy_{n}.py, line 1)"),
-        ("import json\njson.loads('[')\n", "(clumsy_{n}.py, line 2)"),
     ],
 )
 def test_a_module_that_cannot_be_imported_is_told_with_the_place(
@@ -88,45 +82,32 @@ def test_a_module_that_cannot_be_imported_is_told_with_the_place(
     assert not (tmp_path / "runs").exists()
 
 
-@pytest.mark.parametrize(
-    ("broken", "message"),
-    [
-        (
-            {"train": "raise KeyError('lr')"},
-            "scenario sled_mat: train raised KeyError: 'lr' (mine_train.py, line 7)",
-        ),
-        ({"load": "raise OSError('gone')"}, "load raised OSError: gone (mine_load.py, line 11)"),
-    ],
-)
+@pytest.mark.parametrize(("method", "line"), [("train", 7), ("load", 11)])
 def test_an_agent_that_raises_an_error_is_told_with_the_place(
-    broken: dict[str, str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    method: str, line: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Oracle: the lines of the module above; a run that was not trained leaves no folder."""
     monkeypatch.syspath_prepend(tmp_path)
-    (which,) = broken
-    (tmp_path / f"mine_{which}.py").write_text(AGENT.format(**{"train": "pass", "load": "pass", "width": 1} | broken))
+    broken = {"train": "pass", "load": "pass", "width": 1, method: "raise KeyError('lr')"}
+    (tmp_path / f"mine_{method}.py").write_text(AGENT.format(**broken))
     with pytest.raises(GivenCodeError) as raised:
-        load_run(train(f"mine_{which}", Problem("sled_mat"), {}, 0, tmp_path / "run"))
-    assert message in str(raised.value)
-    assert (tmp_path / "run").exists() == (which == "load")
+        load_run(train(f"mine_{method}", Problem("sled_mat"), {}, 0, tmp_path / "run"))
+    assert f"{method} raised KeyError: 'lr' (mine_{method}.py, line {line})" in str(raised.value)
+    assert (tmp_path / "run").exists() == (method == "load")
 
 
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         ("", "must be a mapping of keys to values"),
-        ("[1, 2]", "must be a mapping of keys to values"),
         ("agent: 3", "agent = 3: must be text"),
         ("seed: -1", "seed = -1: must be a whole number in [0, inf)"),
         ("{}", "scenario: missing"),
         ("launch_noise: [0, down]", "launch_noise.1 = 'down': must be a number in [0, inf)"),
-        ("environment: moon", "'launch' or 'descent'"),
         (
             "agent: !!python/object/apply:os.system ['touch x']",
             "could not determine a constructor",
         ),
-        ("a: [", "cannot be read"),
-        ("\x00", "cannot be read"),
         ("[" * 5000, "cannot be read"),
     ],
 )
@@ -162,7 +143,6 @@ def test_a_run_with_a_damaged_file_is_trained_again(tmp_path: Path, caplog: pyte
     ("text", "message"),
     [
         ("", "has no settings for sledenv/SledLaunch-v0, only for nothing"),
-        ("[1]", "has no settings for sledenv/SledLaunch-v0, only for nothing"),
         ("3: {}", "has no settings for sledenv/SledLaunch-v0, only for 3"),
         ("sledenv/SledLaunch-v0: 3", "sledenv/SledLaunch-v0 = 3: must be a mapping"),
         ("a: [", "cannot be read: while parsing"),

@@ -1,4 +1,4 @@
-"""What several tests of the environments use."""
+"""Fixtures that several tests of the environments use."""
 
 from __future__ import annotations
 

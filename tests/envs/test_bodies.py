@@ -9,15 +9,12 @@ import pytest
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
-from sledenv.agents.features import LaunchFeatures
-from sledenv.benchmark.problem import Problem
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector, SledLaunchVector
 from sledenv.kernel.records import RUNNING
-from sledenv.simulation.support import support_height
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario
 
@@ -99,6 +96,7 @@ GIVEN = [SledLaunch, SledDescent, partial(SledLaunchVector, 2)]
     ("given", "field", "value", "allowed"),
     [
         (SEVERAL, "shape", 3.0, r"a whole number in \[0, 2\]"),
+        (own_scenario("ice_drop"), "shape", 1.0, r"a whole number in \[0, 0\]"),
         ("sled_snow", "zone_begin", 9.0, r"in \(-inf, 9.0\) m"),
         ("sled_mat", "zone_begin", 12.0, r"in \(-inf, 12.0\) m"),
         (SEVERAL, "zone_begin", 0.75, r"in \[1.0, 3.0\) m"),
@@ -115,74 +113,9 @@ def test_what_the_scenario_does_not_have_is_refused_and_the_episode_goes_on(kind
     assert equal(env.reset(), twin.reset())
 
 
-@pytest.mark.parametrize("kind", GIVEN)
-def test_a_scenario_with_one_body_has_no_other(kind):
-    """Oracle: the message."""
-    with pytest.raises(ValueError, match=r"context.shape = 1.0: must be a whole number in \[0, 0\]"):
-        kind(own_scenario("ice_drop")).reset(options={"context": {"shape": 1}})
-
-
-def test_contexts_and_flights_are_seen_with_their_body():
-    """Oracle: the states at the rebounds; the number of the body exactly."""
-    task = Task(SEVERAL, ride=True)
-    contexts = task.scenario.contexts(np.random.default_rng(3).random((60, FIELDS)))
-    rides = task.rides(task.scenes(contexts))
-    rides.hop(np.zeros(60))
-    flights = rides.flights
-    observed = task.observe(rides.scenes, flights)
-    assert np.array_equal(task.contexts_seen(observed)[:, SHAPE], contexts[:, SHAPE])
-    seen, running = task.columns.values(observed), flights["status"] == RUNNING
-    assert running.sum() > 20
-    for name in ("u", "v", "omega"):
-        assert seen[name][running] == pytest.approx(flights[name][running], abs=2e-5)
-    assert seen["height"][running] == pytest.approx(flights["y"][running], abs=2e-5)
-    mass = np.array([body.mass for body in task.bodies])[contexts[:, SHAPE].astype(int)]
-    assert (seen["supplied"] * mass)[running] == pytest.approx(flights["supplied"][running], rel=2e-5)
-
-
 def test_the_scales_of_a_flight_are_those_of_the_fastest_body():
     """Oracle: tasks with each body alone."""
     alone = [Task(scenario(body)) for body in BODIES]
     task = Task(SEVERAL)
     assert task.columns.scales.speed == max(one.columns.scales.speed for one in alone)
     assert task.columns.scales.size == max(one.columns.scales.size for one in alone)
-
-
-def test_touches_are_those_of_each_body():
-    """Oracle: problems with each body alone; the height by hand."""
-    problem = Problem(SEVERAL, control="orientation")
-    contexts = problem.contexts("test", 30)
-    launches = np.random.default_rng(0).uniform(-1.0, 1.0, (30, 1, 1)).astype(np.float32)
-
-    def told(problem, contexts, launches):
-        return LaunchFeatures(problem).of_actions(problem.task.observe(problem.task.scenes(contexts)), launches)
-
-    found = told(problem, contexts, launches)
-    heights = problem.task.support_heights(contexts, np.full(30, 0.3))
-    assert heights.tolist() == [
-        support_height(SEVERAL.given(sledenv.Context(*row)).body, 0.3) for row in contexts.tolist()
-    ]
-    for i, section in enumerate(BODIES):
-        own = contexts[:, SHAPE] == i
-        alone = contexts[own].copy()
-        alone[:, SHAPE] = 0.0
-        other = told(Problem(scenario(section), control="orientation"), alone, launches[own])
-        np.testing.assert_allclose(other, found[own], atol=1e-5)
-
-
-def test_pictures_show_the_body_of_the_episode():
-    """Oracle: environments with each body alone."""
-    env = SledLaunch(SEVERAL, render_mode="rgb_array")
-    fixed = {
-        name: value for name, value in SEVERAL.sample(np.random.default_rng(0))._asdict().items() if name != "shape"
-    }
-    for i, section in enumerate(BODIES):
-        alone = SledLaunch(scenario(section), render_mode="rgb_array")
-        env.reset(options={"context": fixed | {"shape": i}})
-        alone.reset(options={"context": fixed | {"shape": 0}})
-        assert np.array_equal(env.render(), alone.render())
-        for one in (env, alone):
-            one.step(np.zeros(one.action_space.shape, np.float32))
-        assert np.array_equal(env.render(), alone.render())
-        alone.close()
-    env.close()

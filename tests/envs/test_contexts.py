@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import gymnasium as gym
 import numpy as np
-import pandas as pd
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -74,19 +73,6 @@ def test_any_part_of_the_context_can_be_fixed_and_the_rest_is_drawn_as_without(n
     for given_whole in (whole, whole._asdict()):
         assert env.reset(options={"context": given_whole})[1]["context"] == whole._asdict()
     assert env.reset()[1]["context"] == twin.reset()[1]["context"]  # nothing was drawn for them
-
-
-def test_contexts_of_a_table_are_taken_by_name():
-    """Oracle: the array that the table was made of."""
-    rows = BRAKE.contexts(np.random.default_rng(0).random((2, len(LOW))), "train")
-    env, fields = SledLaunchVector(2, own_scenario("brake_mat")), sledenv.Context._fields
-    seen = env.reset(options={"context": rows})[0]
-    frame = pd.DataFrame(rows, columns=fields)
-    assert (env.reset(options={"context": frame.iloc[:, ::-1]})[0] == seen).all()
-    with pytest.raises(ValueError, match="context has the column 'velocity': must have the columns angle, friction"):
-        env.reset(options={"context": frame.rename(columns={"speed": "velocity"})})
-    with pytest.raises(TypeError, match="context is a masked array, or holds one"):
-        env.reset(options={"context": np.ma.masked_greater(rows, 1.0)})
 
 
 def test_contexts_of_a_table_must_be_right_but_what_is_chosen_may_be_open():

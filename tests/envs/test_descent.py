@@ -24,7 +24,6 @@ from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
 from sledenv.scenarios.tracks import TRACKS, standard_normals
-from sledenv.simulation.support import support_height
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
@@ -259,18 +258,14 @@ def test_the_errors_of_an_unsteady_rider_are_normal_and_independent():
     """Oracle: scipy's Kolmogorov-Smirnov test; correlations with neighbours and with the bumps of the same number."""
     numbers = np.arange(20_000, dtype=float)
     first, second = (standard_normals(numbers, np.full(len(numbers), k)) for k in (0, 1))
-    ends = standard_normals(np.array([0.0, TRACKS - 1.0]), np.array([999_999, 999_999]))
-    assert np.isfinite(ends).all()
     for errors in (first, second, standard_normals(np.zeros(20_000), np.arange(20_000))):
         assert stats.kstest(errors, "norm").pvalue > 1e-3
         assert abs(np.corrcoef(errors[1:], errors[:-1])[0, 1]) < 0.03
-    assert abs(np.corrcoef(first, second)[0, 1]) < 0.03
     vertices = UNSTEADY._bumps.draw(numbers)
-    for bump in (vertices[:, 0, 0], vertices[:, 1, 0] - vertices[:, 0, 0], vertices[:, 1, 1]):
-        assert abs(np.corrcoef(first, bump)[0, 1]) < 0.03
-        assert abs(np.corrcoef(first**2, bump)[0, 1]) < 0.03  # the size of an error is that of one of its two draws
-    alone = [float(standard_normals(numbers[[i]], np.array([1]))[0]) for i in (0, 17)]
-    assert alone == [second[0], second[17]]
+    for other in (second, vertices[:, 0, 0], vertices[:, 1, 0] - vertices[:, 0, 0], vertices[:, 1, 1]):
+        assert abs(np.corrcoef(first, other)[0, 1]) < 0.03
+        assert abs(np.corrcoef(first**2, other)[0, 1]) < 0.03  # the size of an error is that of one of its two draws
+    assert np.isfinite(standard_normals(np.array([0.0, TRACKS - 1.0]), np.full(2, 999_999))).all()
 
 
 def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context():
@@ -314,88 +309,19 @@ def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, dra
     assert shown.rebounds["t"].tolist() == last["rebounds"]["t"]
 
 
-@pytest.mark.parametrize("solver", SOLVERS)
-def test_a_polygon_is_seen_as_it_flies(solver):
-    """Oracle: the rebounds and the ledger of the info."""
-    content = sledenv.load_scenario(own_scenario("brake_mat")).model_dump(by_alias=True)
-    points = [[0.0, 0.0], [1.0, 0.0], [0.9, 0.5], [0.1, 0.6]]
-    content["body"] = {"kind": "polygon", "mass_kg": 100, "points_m": points}
-    env = SledDescent(sledenv.Scenario.model_validate(content), solver=solver)
-    check_env(env, skip_render_check=True)
-    rng, found = np.random.default_rng(1), 0
-    for seed in range(4):
-        env.reset(seed=seed)
-        for observation, _, terminated, _, info in play(env, rng):
-            if not terminated:
-                seen = {name: value[0] for name, value in env.task.columns.values(observation[np.newaxis]).items()}
-                last = {name: column[-1] for name, column in info["rebounds"].items()}
-                assert env.task.scenario.slope_section.length_m - seen["left"] == pytest.approx(last["x"], abs=1e-5)
-                for name in ("u", "v", "omega"):
-                    assert seen[name] == pytest.approx(last[f"{name}_after"], abs=1e-5)
-                turned = np.arctan2(seen["sine"], seen["cosine"]) - last["phi"]
-                assert turned - TURN * np.rint(turned / TURN) == pytest.approx(0.0, abs=1e-6)
-                assert seen["height"] == pytest.approx(support_height(env.task.bodies[0], last["phi"]), abs=1e-4)
-                energy = info["descent"]["energy"]["supplied"]
-                assert seen["supplied"] * env.task.bodies[0].mass == pytest.approx(energy, rel=1e-6)
-                found += 1
-    assert found > 8
-
-
 def test_limits_end_a_ride_with_the_reward_of_what_was_done():
     """Oracle: the statuses; paper_impact has 0.04 s for its only impact, and no rider."""
-    env = SledDescent("paper_impact")
-    env.reset(seed=0)
-    *_, last = play(env, np.random.default_rng(0))
-    assert last[2:4] == (True, False)
-    assert STATUS_OF_CODE[last[4]["descent"]["status"]] == "timeout"
-    assert last[4]["descent"]["energy"]["work"] == 0.0
     content = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json", by_alias=True)
     content["limits"]["max_rebounds"] = 2
-    env, ends = SledDescent(sledenv.Scenario.model_validate(content)), set()
-    env.reset(seed=0)
-    for i in range(20):
-        env.reset()
-        steps = play(env, np.random.default_rng(i))
-        ends.add((steps[-1][2], steps[-1][3], STATUS_OF_CODE[steps[-1][4]["descent"]["status"]]))
-        assert len(steps) <= 3
-    assert (True, False, "log_full") in ends
-
-
-def test_misuse_gets_gymnasiums_errors_and_leaves_the_environment_usable():
-    """Oracle: a twin that was not misused."""
-    env, twin = (SledDescent(own_scenario("ice_drop")) for _ in range(2))
-    for call in (lambda: env.step(np.zeros(1, np.float32)), env.render, env.snapshot):
-        with pytest.raises(ResetNeeded):
-            call()
-    env.reset(seed=4)
-    twin.reset(seed=4)
-    other = SledDescent(own_scenario("ice_drop"), observe=["friction"])
-    other.reset(seed=0)
-    for wrong, error, message in (
-        (other.snapshot(), ValueError, "of another task"),
-        ({"x": 1}, TypeError, r"must come from snapshot\(\)"),
-    ):
-        with pytest.raises(error, match=message):
-            env.restore(wrong)
-    for options, error, message in (
-        ({"contxt": 1}, ValueError, "unknown option 'contxt': must be one of 'context', 'split'"),
-        ({"split": "exam"}, ValueError, "split = 'exam': must be one of 'train', 'validation', 'test'"),
-        ({"context": {"frition": 0.1}}, ValueError, "unknown field 'frition' of context: must be one of angle"),
-        ({"context": {"drop": "high"}}, TypeError, "context.drop = 'high': must be a number, or an array of them"),
-        ({"context": {"friction": -0.1}}, ValueError, r"context.friction = -0.1: must be in \[0, inf\)"),
-        ({"context": {"drop": [0.1, 0.2]}}, ValueError, r"context.drop has shape \(2,\): must be \(\) or \(1,\)"),
-        ({"context": [1.0, 2.0]}, ValueError, r"context has shape \(2,\)"),
-    ):
-        with pytest.raises(error, match=message):
-            env.reset(seed=1, options=options)
-    for action in ([2.0], [np.nan], [0.0, 0.0], [[0.0]], 0.0, "left"):
-        with pytest.raises(InvalidAction, match="action"):
-            env.step(action)
-    rng, same = np.random.default_rng(0), np.random.default_rng(0)
-    assert equal(play(env, rng), play(twin, same))
-    with pytest.raises(ResetNeeded):
-        env.step(np.zeros(1, np.float32))
-    assert equal(env.reset(), twin.reset())
+    few = sledenv.Scenario.model_validate(content)
+    for scenario, status in (("paper_impact", "timeout"), (few, "log_full")):
+        env, ends = SledDescent(scenario), set()
+        for seed in range(10):
+            env.reset(seed=seed)
+            *_, (_, _, *ended, info) = play(env, np.random.default_rng(seed))
+            assert ended == [True, False]
+            ends.add(STATUS_OF_CODE[info["descent"]["status"]])
+        assert status in ends
 
 
 def test_the_spec_survives_json_and_a_second_registration_is_silent():

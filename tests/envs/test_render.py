@@ -1,19 +1,23 @@
-"""Pictures of a descent: what stands where in them, that they repeat, and that no descent is too ugly to draw."""
+"""Pictures and films of a descent: what stands where, that they repeat, and that no descent is too ugly to draw."""
 
 from __future__ import annotations
 
 import math
 import pickle
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from pathlib import Path
+from typing import Any, Literal
 
 import numpy as np
 import pygame
 import pytest
+from PIL import Image
 
 from sledenv.envs.canvas import HEAVY, SHELL, SKY, Camera
+from sledenv.envs.film import write_film
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.render import camera_at, draw_film, draw_frame
 from sledenv.kernel.records import Status
@@ -30,7 +34,7 @@ from sledenv.simulation.support import support_height
 from tests.bodies import DISC, HILL, ICE, UGLY, run
 from tests.plot.outlined import PROFILES, RIDDEN, descent_of, ride_of
 
-PANEL = 486  # first row of the panel in a picture of 960 x 540
+PANEL = 470  # first row of the panel in a picture of 960 x 540
 LAUNCH = (0.0, 0.5, 0.2, 3.0, 0.0, 0.5)
 
 
@@ -291,3 +295,40 @@ def test_a_missing_pygame_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     env.reset(seed=0)
     with pytest.raises(ImportError, match=r"sledenv\[render\]"):
         env.render()
+
+
+def test_a_film_is_written_picture_by_picture(tmp_path: Path) -> None:
+    """Oracle: number, size and time of the pictures in the file; no picture but the one at hand is drawn."""
+    drawn = 0
+
+    def pictures() -> Iterator[np.ndarray]:
+        nonlocal drawn
+        for shade in range(0, 200, 10):
+            drawn += 1
+            yield np.full((90, 160, 3), shade, np.uint8)
+
+    file = tmp_path / "film.webp"
+    write_film(pictures(), file, fps=10)
+    assert drawn == 20
+    assert list(tmp_path.iterdir()) == [file]
+    with Image.open(file) as film:
+        assert getattr(film, "n_frames", 1) == 20
+        assert (film.size, film.info["loop"]) == ((160, 90), 0)
+        film.load()
+        assert film.info["duration"] == 100
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"path": "film.avi"}, r"film.avi'?: must end in .webp"),
+        ({"fps": 0}, "fps = 0: must be an integer >= 1"),
+        ({"fps": True}, "fps = True: must be an integer >= 1"),
+        ({"pictures": []}, "pictures: there is none"),
+    ],
+)
+def test_what_is_no_film_is_named(given: dict[str, Any], message: str, tmp_path: Path) -> None:
+    own = {"pictures": [np.zeros((90, 160, 3), np.uint8)], "path": "film.webp"} | given
+    with pytest.raises(ValueError, match=message):
+        write_film(**own | {"path": tmp_path / own["path"]})
+    assert list(tmp_path.iterdir()) == []

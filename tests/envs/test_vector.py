@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import pickle
-import random
 
 import gymnasium as gym
 import numpy as np
@@ -12,7 +11,6 @@ import pandas as pd
 import pytest
 from gymnasium.error import InvalidAction, ResetNeeded
 from gymnasium.vector import AutoresetMode, SyncVectorEnv
-from gymnasium.wrappers.vector import DictInfoToList, NormalizeObservation, RecordEpisodeStatistics
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
@@ -34,13 +32,6 @@ def native(
 
 def actions(rng: np.random.Generator, lanes: int, env_id: str = LAUNCH_ID) -> np.ndarray:
     return rng.uniform(-1.0, 1.0, (lanes, WIDTH[env_id])).astype(np.float32)
-
-
-class Untold:
-    """What has no numbers, as a tensor that requires a gradient."""
-
-    def __array__(self, dtype=None, copy=None):
-        raise RuntimeError("detach it")
 
 
 @both_ids
@@ -87,40 +78,40 @@ def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(env_id
     env = native(5, mode, env_id, **given)
     sync = gym.make_vec(env_id, num_envs=5, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
     assert env.metadata["autoreset_mode"] is sync.metadata["autoreset_mode"] is mode
-    rng = np.random.default_rng(0)
+    rng, ended = np.random.default_rng(0), np.zeros(5, bool)
+    with pytest.raises(ResetNeeded, match="call reset before step"):
+        env.step(env.action_space.sample())
+    with pytest.raises(ResetNeeded, match="the first reset must be one of all lanes"):
+        env.reset(options={"reset_mask": np.arange(5) > 0})
     assert equal(env.reset(seed=11), sync.reset(seed=11))
     assert env.np_random_seed == sync.np_random_seed
     for _ in range(15):
         action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
+        if mode is AutoresetMode.NEXT_STEP:
+            action[ended] = np.nan  # of lanes that are being reset
         one, other = env.step(action), sync.step(action)
         assert env.observation_space.contains(one[0])
         assert equal(one, other)
-        mask = rng.random(5) < (0.5 if env_id == LAUNCH_ID else 0.1)
+        mask, ended = rng.random(5) < (0.5 if env_id == LAUNCH_ID else 0.1), one[2] | one[3]
         if mode is AutoresetMode.DISABLED:
-            mask |= one[2] | one[3]
+            mask |= ended
         if mask.any():
             seeds = [int(seed) if chance < 0.3 else None for seed, chance in zip(range(5), rng.random(5), strict=True)]
             given = {"options": {"reset_mask": mask}, "seed": seeds}
             assert equal(env.reset(**copy.deepcopy(given)), sync.reset(**copy.deepcopy(given)))
+            ended &= ~mask
 
 
-def test_a_partial_reset_leaves_the_other_lanes_and_the_mask_alone():
-    """Oracle: SyncVectorEnv's contract; a lane with a seed starts anew, one without goes on with its stream."""
-    env = native(4, AutoresetMode.DISABLED)
-    before, _ = env.reset(seed=0)
-    mask = np.array([False, True, True, False])
-    options = {"reset_mask": mask}
-    after, _ = env.reset(seed=[None, 1, None, 7], options=options)
-    assert (options.keys(), mask.tolist()) == ({"reset_mask"}, [False, True, True, False])
-    assert np.array_equal(after[[0, 1, 3]], before[[0, 1, 3]])  # lane 1 again with the seed it had
-    assert not np.array_equal(after[2], before[2])
+def test_a_lane_that_has_ended_is_reset_before_the_next_step():
+    """Oracle: Gymnasium's mode "Disabled"; a user's mask is left as it was."""
+    env, mask = native(4, AutoresetMode.DISABLED), np.array([True, True, True, False])
+    env.reset(seed=0)
     env.step(np.zeros((4, 2), np.float32))
-    with pytest.raises(ResetNeeded, match="lane 0 has ended"):
-        env.step(np.zeros((4, 2), np.float32))
-    env.reset(options={"reset_mask": np.array([True, True, True, False])})
-    with pytest.raises(ResetNeeded, match="lane 3 has ended"):
-        env.step(np.zeros((4, 2), np.float32))
-    env.reset(options={"reset_mask": np.array([False, False, False, True])})
+    for lane, reset in ((0, mask), (3, ~mask)):
+        with pytest.raises(ResetNeeded, match=f"lane {lane} has ended"):
+            env.step(np.zeros((4, 2), np.float32))
+        env.reset(options={"reset_mask": reset})
+    assert mask.tolist() == [True, True, True, False]
     assert env.step(np.zeros((4, 2), np.float32))[2].all()
 
 
@@ -164,48 +155,38 @@ def test_a_pickled_and_a_copied_batch_go_on_identically():
         assert all(equal(step, twin.step(action)) for twin in twins)
 
 
-def changeable(data):
-    """All that can be written into: arrays, dicts and lists, at any depth."""
-    if isinstance(data, (dict, list, np.ndarray)):
-        yield data
-    if isinstance(data, np.ndarray) and data.dtype != object:
-        return
-    if isinstance(data, (dict, list, tuple, np.ndarray)):
-        for part in data.values() if isinstance(data, dict) else data:
-            yield from changeable(part)
-
-
-def share(one, other):
-    """Whether writing into one may change the other."""
-    return any(
-        np.shares_memory(a, b) if isinstance(a, np.ndarray) and isinstance(b, np.ndarray) else a is b
-        for a in changeable(one)
-        for b in changeable(other)
-    )
-
-
 @pytest.mark.parametrize("mode", MODES)
 @both_ids
 def test_nothing_that_is_returned_is_used_again(env_id, mode):
-    """Oracle: objects and memory of the calls, and what a twin returns after a user has written into everything."""
+    """Oracle: what a twin returns after a user has written into everything."""
     env, twin = native(2, mode, env_id), native(2, mode, env_id)
-    action = np.zeros((2, WIDTH[env_id]), np.float32)
-    calls = [env.reset(seed=0), env.step(action), env.reset(seed=0)]
-    for i, (observations, *_, info) in enumerate(calls):
-        for other, *_, other_info in calls[:i]:
-            assert not share(observations, other)
-            assert not share(info, other_info)
-    twin.reset(seed=0)
-    calls[2][0][:] = 9.0
-    calls[2][1]["context"]["speed"][:] = -1.0
-    begun = env.step(action)
-    assert equal(begun, twin.step(action))
-    begun[0][:] = 9.0
-    if env_id == DESCENT_ID:
-        begun[4].get("descent", begun[4].get("final_info"))["time"] = None
-        begun[4]["rebounds"]["t"][0].append(np.nan)
+    action, calls = np.zeros((2, WIDTH[env_id]), np.float32), []
+    for one in (env, twin):
+        calls = [one.reset(seed=0), one.step(action), one.reset(seed=0), one.step(action)]
+        if one is env:
+            for observations, *_, info in calls:
+                observations[:] = 9.0
+                overwrite(info)
     if mode is not AutoresetMode.DISABLED or env_id == DESCENT_ID:
-        assert equal(env.step(action), twin.step(action))
+        calls.append(twin.step(action))
+        assert equal(env.step(action), calls[-1])
+    assert equal(env.reset(seed=0), calls[0])
+    assert equal(env.step(action), calls[1])
+
+
+def overwrite(info: dict) -> None:
+    """Write into all arrays and lists of an info."""
+    for value in info.values():
+        if isinstance(value, dict):
+            overwrite(value)
+        elif value.dtype == object:
+            for part in value:
+                if isinstance(part, dict):
+                    overwrite(part)
+                elif part is not None:
+                    part[:] = [] if isinstance(part, list) else 9.0
+        else:
+            value[:] = 1
 
 
 @pytest.mark.parametrize(
@@ -213,22 +194,12 @@ def test_nothing_that_is_returned_is_used_again(env_id, mode):
     [
         (np.zeros((2, 2)), r"actions have shape \(2, 2\): must be \(3, 2\)"),
         (np.zeros((3, 1)), r"actions have shape \(3, 1\): must be \(3, 2\), columns orientation, spin"),
-        (np.zeros(3), r"actions have shape \(3,\): must be \(3, 2\)"),
         ([[0.0, 0.0], [0.0, np.nan], [0.0, 0.0]], r"actions\[1\] = \[0.0, nan\]: must be within \[-1.0, 1.0\]"),
         ([[0.0, 0.0], [0.0, 0.0], [1.5, 0.0]], r"actions\[2\] = \[1.5, 0.0\]: must be within"),
         ([[0.0, 0.0], [0.0], [0.0, 0.0]], r"actions = \[\[0.0, 0.0\], .*: must be numbers, columns orientation, spin"),
-        ("launch", "actions = 'launch': must be numbers"),
         (None, "actions = None: must be numbers"),
-        ([["0.1", "0.2"]] * 3, "must hold numbers"),
-        ([[10**400, 0.0]] * 3, "actions holds 10.*: must hold numbers, .*; no integer of more than 64 bits"),
-        (np.zeros((3, 2), complex), "must hold numbers"),
-        (np.zeros((3, 2), bool), "actions holds True or False: must hold numbers"),
-        (np.ma.masked_less(np.zeros((3, 2)), 1.0), "actions is a masked array"),
-        ([np.ma.masked_less(np.zeros(2), 1.0)] * 3, "actions is a masked array, or holds one"),
         (pd.DataFrame({"orientation": np.zeros(3), "spn": 0.0}), "actions has the column 'spn': must have the columns"),
         (pd.DataFrame({"spin": np.zeros(3)}), "actions has no column 'orientation'"),
-        (pd.DataFrame(np.zeros((3, 3)), columns=["spin", "orientation", "spin"]), "'spin' more than once"),
-        (Untold(), "actions = <.*>: must be numbers, columns orientation, spin"),
     ],
 )
 def test_a_wrong_action_is_refused_and_no_lane_advances(action, message):
@@ -260,17 +231,6 @@ def test_actions_and_contexts_of_a_frame_are_taken_by_name():
         assert equal(env.step(asked), twin.step(chosen))
 
 
-def test_a_lane_that_is_being_reset_ignores_its_action():
-    """Oracle: SyncVectorEnv, which does not look at it."""
-    env = native(2, AutoresetMode.NEXT_STEP)
-    env.reset(seed=0)
-    env.step(np.zeros((2, 2), np.float32))
-    _, rewards, terminated, _, info = env.step(np.full((2, 2), np.nan, np.float32))
-    assert rewards.tolist() == [0.0, 0.0]
-    assert not terminated.any()
-    assert info.keys() == {"context", "_context"}
-
-
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
@@ -285,15 +245,11 @@ def test_a_lane_that_is_being_reset_ignores_its_action():
             ValueError,
             r"context\[1\]\.restitution = 0.0: must be in \(0, 1\]",
         ),
-        ({"options": {"context": np.ma.masked_less(np.ones((3, 12)), 2.0)}}, TypeError, "context is a masked array"),
-        ({"options": {"context": {"drop": np.ma.masked}}}, TypeError, "context.drop is a masked array"),
         ({"options": {"context": pd.DataFrame({"drop": [1.0] * 3})}}, ValueError, "context has no column 'angle'"),
-        ({"options": {"context": pd.DataFrame({"dorp": [1.0] * 3})}}, ValueError, "context has the column 'dorp'"),
         ({"options": {"reset_mask": [True, False, False]}}, TypeError, "must be an array of bool"),
         ({"options": {"reset_mask": np.ones(2, bool)}}, ValueError, r"has shape \(2,\): must be \(3,\)"),
         ({"options": {"reset_mask": np.zeros(3, bool)}}, ValueError, "no lane to reset"),
-        ({"seed": [1, 2]}, ValueError, "seed has 2 entries: must be one a lane, 3"),
-        ({"seed": -1}, ValueError, "seed = -1: must be an integer >= 0"),
+        ({"seed": [1, 2]}, ValueError, "seed has 2 entries: must be one per lane, 3"),
         ({"seed": [5, 6, -1]}, ValueError, r"seed\[2\] = -1: must be an integer >= 0"),
     ],
 )
@@ -309,27 +265,14 @@ def test_a_wrong_reset_is_refused_and_changes_nothing(given, error, message):
     assert equal(env.reset(), twin.reset())
 
 
-def test_a_step_or_a_partial_reset_before_the_first_reset_is_refused():
-    env = native(2)
-    with pytest.raises(ResetNeeded, match="call reset before step"):
-        env.step(np.zeros((2, 2), np.float32))
-    with pytest.raises(ResetNeeded, match="first reset"):
-        env.reset(options={"reset_mask": np.array([True, False])})
-    env.reset(options={"reset_mask": np.array([True, True])})
-    env.step(np.zeros((2, 2), np.float32))
-
-
 @pytest.mark.parametrize(
     ("given", "error", "message"),
     [
         ({"num_envs": 0}, ValueError, "num_envs = 0: must be an integer >= 1"),
-        ({"num_envs": 2.0}, ValueError, "num_envs = 2.0: must be an integer >= 1"),
         ({"autoreset_mode": "never"}, ValueError, "autoreset_mode = 'never': must be one of 'NextStep', 'SameStep'"),
         ({"info": "jam"}, ValueError, "must be a sequence of any of"),
         ({"render_mode": "oil"}, ValueError, "render_mode = 'oil': must be one of 'human', 'rgb_array'"),
         ({"num_envs": 10**12}, MemoryError, "num_envs = 1000000000000: as many lanes take"),
-        ({"num_envs": 2**63 - 1}, MemoryError, "num_envs = 9223372036854775807: as many lanes take"),
-        ({"num_envs": 2**63}, ValueError, r"num_envs = 9223372036854775808: must be an integer in \[1, 92"),
         ({"num_envs": 10**400}, ValueError, r"num_envs = 10+\.\.\.0+: must be an integer in \[1, 92"),
         ({"max_episode_steps": 0}, ValueError, "max_episode_steps = 0: must be an integer >= 1"),
     ],
@@ -399,31 +342,6 @@ def test_a_limit_of_steps_truncates_as_gymnasiums_timelimit_does(mode):
     assert cut > 5
 
 
-@pytest.mark.parametrize("seed", [np.int64(3), [np.int64(3), np.uint8(4), 5], np.array([3, 4, 5])], ids=repr)
-def test_seeds_of_numpy_are_seeds(seed):
-    """Oracle: the same whole numbers of Python."""
-    assert equal(native(3).reset(seed=seed), native(3).reset(seed=3))
-
-
-def test_all_that_is_returned_by_default_can_be_a_tensor():
-    """Oracle: Gymnasium's NumpyToTorch, where what it needs is there; the kinds of numbers elsewhere."""
-
-    def kinds(info):
-        for value in info.values():
-            yield from kinds(value) if isinstance(value, dict) else [value.dtype.kind]
-
-    env = gym.make_vec(DESCENT_ID, 2)
-    begun = env.reset(seed=0)[1]
-    assert set(kinds(begun)) | set(kinds(env.step(np.zeros((2, 1), np.float32))[4])) <= set("bfi")
-    pytest.importorskip("array_api_compat")
-    from gymnasium.wrappers.vector import NumpyToTorch
-
-    torch = pytest.importorskip("torch")
-    env = NumpyToTorch(env)
-    env.reset(seed=0)
-    assert isinstance(env.step(torch.zeros((2, 2)))[4]["descent"]["status"], torch.Tensor)
-
-
 @pytest.mark.parametrize("seed", [5, [5, None, 7]], ids=str)
 def test_the_random_numbers_of_the_batch_are_those_of_gymnasiums_and_no_lanes(seed):
     """Oracle: VectorEnv.reset with the seed of lane 0; the episodes of a batch from which nobody draws."""
@@ -435,70 +353,6 @@ def test_the_random_numbers_of_the_batch_are_those_of_gymnasiums_and_no_lanes(se
     assert env.np_random.random() == np.random.default_rng(5).random(2)[1]
 
 
-@both_ids
-def test_episodes_neither_hear_nor_disturb_the_random_numbers_of_others(env_id):
-    """As reported in https://github.com/datamllab/rlcard/issues/125, of the streams that all of a process share."""
-    told = []
-    for seed in (1, 2):
-        np.random.seed(seed)  # noqa: NPY002
-        random.seed(seed)
-        before = np.random.get_state()[1].tolist(), random.getstate()  # noqa: NPY002
-        env, one = native(3, env_id=env_id), SCALAR[env_id](own_scenario("brake_mat"))
-        given = actions(np.random.default_rng(0), 3, env_id)
-        told.append([env.reset(seed=0), env.step(given), env.reset()])
-        told[-1] += [one.reset(seed=0), one.step(given[0]), one.reset()]
-        assert (np.random.get_state()[1].tolist(), random.getstate()) == before  # noqa: NPY002
-    assert equal(*told)
-
-
-@both_ids
-def test_actions_are_clipped_in_a_copy(env_id):
-    """As reported in https://github.com/rlworkgroup/garage/issues/273: the optimizer learns from what it gave."""
-    over = np.full((2, WIDTH[env_id]), 1.00005, np.float32)
-    env, one, within = native(2, env_id=env_id), SCALAR[env_id](own_scenario("brake_mat")), over.clip(-1.0, 1.0)
-    env.reset(seed=0)
-    begun = env.snapshot()
-    stepped = env.step(over)
-    env.restore(begun)
-    assert equal(stepped, env.step(within))
-    one.reset(seed=0)
-    one.step(over[0])
-    assert (over == np.float32(1.00005)).all()
-
-
 def test_vectorenv_is_among_the_direct_bases_of_a_batch():
     """Oracle: what skrl's wrap_env looks at."""
     assert all(gym.vector.VectorEnv in kind.__bases__ for kind in NATIVE.values())
-
-
-def test_lanes_without_a_seed_differ():
-    env = native(50)
-    observations, _ = env.reset()
-    assert len(np.unique(observations, axis=0)) == 50
-    assert len(set(env.np_random_seed)) == 50
-
-
-def test_gymnasiums_vector_wrappers_run_on_it():
-    """Oracle: the mean of the observations that NormalizeObservation has seen; the returns recorded; plain infos."""
-    env = NormalizeObservation(native(8, AutoresetMode.NEXT_STEP))
-    env.reset(seed=0)
-    for _ in range(6):
-        env.step(env.action_space.sample())
-    assert env.obs_rms.count > 48
-    env = DictInfoToList(native(8, AutoresetMode.SAME_STEP))
-    env.reset(seed=0)
-    _, rewards, *_, infos = env.step(env.action_space.sample())
-    assert [info["final_info"]["jam"]["jam_index"] for info in infos] == (1.0 - rewards).tolist()
-    if tuple(map(int, gym.__version__.split(".")[:2])) < (1, 4):
-        return  # RecordEpisodeStatistics took every batch for one of NEXT_STEP
-    env = RecordEpisodeStatistics(native(8, AutoresetMode.SAME_STEP, DESCENT_ID))
-    env.reset(seed=0)
-    lengths, returns = np.zeros(8, int), np.zeros(8)
-    for _ in range(30):
-        _, rewards, terminated, truncated, infos = env.step(env.action_space.sample())
-        lengths, returns = lengths + 1, returns + rewards
-        ended = terminated | truncated
-        if ended.any():
-            assert infos["episode"]["r"][ended].tolist() == returns[ended].tolist()
-            assert infos["episode"]["l"][ended].tolist() == lengths[ended].tolist()
-        lengths[ended], returns[ended] = 0, 0.0

@@ -18,7 +18,6 @@ from sledenv.benchmark.problem import Agent, Environment, HeldOut, Planner, Poli
 from sledenv.benchmark.references import reference
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean_interval, ratio_interval, share_interval, told
-from sledenv.envs.columns import GROUPS
 from sledenv.machine.blame import blaming
 from sledenv.scenarios.scenario import Scenario, load_scenario
 
@@ -228,30 +227,53 @@ def evaluate(
     """
     if shifted and tracks:
         raise ValueError("tracks = True: must be False where shifted is True")
-    held_out: HeldOut = "tracks" if tracks else "shifted" if shifted else "test"
     count = _checked_contexts(contexts)
     asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)
-    agent: Policy | Planner | Agent
+    seen: dict[str, Any] = {"launch_noise": launch_noise, "observe": observe, "columns": columns}
     if isinstance(policy, str | os.PathLike):
-        given = {"environment": environment, "control": control, "launch_noise": launch_noise, "observe": observe}
-        for name, value in (given | {"columns": columns, "normalize": normalize}).items():
-            if value is not None:
-                raise ValueError(f"{name} = {value!r}: must be left out, the run {os.fspath(policy)} has its own")
-        problem, agent, config = load_run(Path(policy))
-        _check_scenario(asked, problem, os.fspath(policy))
-        name = agent_name(config["agent"])
+        given = {"environment": environment, "control": control} | seen | {"normalize": normalize}
+        judged = _run(policy, asked, given)
     else:
-        if asked is None:
-            raise TypeError("scenario = None: must be the name or the file of a scenario, or a Scenario")
-        kind: Environment = environment if environment is not None else "descent" if asked.is_ride else "launch"
-        seen: dict[str, Any] = {"observe": "all" if observe is None else observe}
-        seen["columns"] = GROUPS if columns is None else columns
-        problem = Problem(asked, kind, control, launch_noise=launch_noise, **seen)
-        name = _name(policy)
-        agent = _as_agent(policy, name, problem, normalize)
+        judged = _policy(policy, _posed(asked, environment, control, seen), normalize)
+    problem = judged.problem
     if tracks and not (problem.environment == "descent" and problem.scenario.is_ride):
         raise ValueError(f"tracks = True: must be False, {problem.id} in {problem.scenario.id} is no ride over ground")
-    return evaluation_of(problem, agent, count, name, held_out)
+    return evaluation_of(*judged[:2], count, judged.name, "tracks" if tracks else "shifted" if shifted else "test")
+
+
+class _Judged(NamedTuple):
+    """Who is judged, and in which problem."""
+
+    problem: Problem
+    agent: Policy | Planner | Agent
+    name: str
+
+
+def _run(run: str | os.PathLike[str], asked: Scenario | None, given: dict[str, Any]) -> _Judged:
+    """Load a run, or raise ValueError if anything is given that it has itself, or another scenario is asked for."""
+    for name, value in given.items():
+        if value is not None:
+            raise ValueError(f"{name} = {value!r}: must be left out, the run {os.fspath(run)} has its own")
+    problem, agent, config = load_run(Path(run))
+    _check_scenario(asked, problem, os.fspath(run))
+    return _Judged(problem, agent, agent_name(config["agent"]))
+
+
+def _posed(
+    asked: Scenario | None, environment: Environment | None, control: str | None, seen: dict[str, Any]
+) -> Problem:
+    """Return the problem that is asked for; what is None is as the scenario has it."""
+    if asked is None:
+        raise TypeError("scenario = None: must be the name or the file of a scenario, or a Scenario")
+    usual: Environment = "descent" if asked.is_ride else "launch"
+    named = {name: value for name, value in seen.items() if value is not None}
+    return Problem(asked, usual if environment is None else environment, control, **named)
+
+
+def _policy(policy: Any, problem: Problem, normalize: Any) -> _Judged:
+    """Return a policy of a problem as one that acts, or raise TypeError or ValueError if it is none."""
+    name = _name(policy)
+    return _Judged(problem, _as_agent(policy, name, problem, normalize), name)
 
 
 def evaluation_of(

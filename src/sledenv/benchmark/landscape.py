@@ -25,7 +25,7 @@ from sledenv.scenarios.sections import CONTROLS
 
 
 class Landscape(NamedTuple):
-    """What there is to say about the launches of one context."""
+    """Figure, words and marks of the launches of one context."""
 
     figure: Figure
     words: str
@@ -40,7 +40,7 @@ class _Chooser(NamedTuple):
 
 
 class Choices(NamedTuple):
-    """What agents choose in one context."""
+    """Launches that agents choose in one context."""
 
     marks: tuple[Mark, ...]
     words: str
@@ -64,7 +64,7 @@ def landscape(
     runs : sequence of Path
         Folders of trained agents, whose choices are marked.
     progress : callable, optional
-        Is told what is about to be done, in a line each.
+        Is told what is about to be done, a line for each part.
 
     Raises
     ------

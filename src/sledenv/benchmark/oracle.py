@@ -62,7 +62,7 @@ def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: in
     problem : Problem
     contexts : ndarray, shape (n, 12)
     cells : int
-        Descents a context, about.
+        Descents per context, about.
     number : int
         Which of the searches it is: each has a grid and scenes of its own.
     """
@@ -89,10 +89,10 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        One row a context: its fields; ``action_0``, ... of the best launch found, in [-1, 1]; its ``reward``, expected
-        over the draws with which agents are judged; ``low`` and ``high``, a 95 % interval for its expected reward;
-        ``apart``, by how much what two searches find differs; ``uniform``, the expected reward of a random launch;
-        ``width``, the share of launches whose expected reward is within 1 % of the highest.
+        One row per context: its fields; ``action_0``, ... of the best launch found, in [-1, 1]; its ``reward``,
+        expected over the draws with which agents are judged; ``low`` and ``high``, a 95 % interval for its expected
+        reward; ``apart``, by how much what two searches find differs; ``uniform``, the expected reward of a random
+        launch; ``width``, the share of launches whose expected reward is within 1 % of the highest.
 
     Notes
     -----

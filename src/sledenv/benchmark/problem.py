@@ -1,4 +1,4 @@
-"""What an agent is given: a scenario, what it controls, and contexts to train, to validate and to be judged on."""
+"""Problems: a scenario, what an agent controls, and contexts to train, to validate and to be judged on."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _BLOCK = 1 << 18  # descents at a time, so that memory stays bounded
 
 
 class Policy(Protocol):
-    """What can be judged: a map from observations to actions. Messages call it by its ``name``, or by its module."""
+    """A map from observations to actions, which can be judged. Messages call it by its ``name``, or by its module."""
 
     def act(self, observations: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return actions of shape (n, k) in [-1, 1] for what is seen, see :class:`sledenv.envs.task.Task`."""
@@ -47,7 +47,7 @@ class Policy(Protocol):
 
 
 class Planner(Protocol):
-    """What can be judged in place of a policy: it knows the model, and may follow rides on (:mod:`sledenv.simulation`).
+    """Can be judged in place of a policy: it knows the model, and may follow rides on (:mod:`sledenv.simulation`).
 
     It is told no more of what lies ahead than a policy is: see :meth:`sledenv.envs.task.Task.masked`.
     """
@@ -276,7 +276,7 @@ class Problem:
     def drawn(self, contexts: Contexts, split: Split) -> Contexts:
         """Give each of contexts of shape (n, 12) one draw of the launch noise of a split, shape (n, 14).
 
-        These are the errors of :meth:`trials` in turn, one a context.
+        These are the errors of :meth:`trials` in turn, one per context.
         """
         trials = self._errors(contexts, split, TRIALS)
         lanes = np.arange(len(contexts))
@@ -295,7 +295,7 @@ class Problem:
         return np.stack(columns, axis=-1)
 
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
-        """Simulate one descent a context with launches of shape (n, k), on all cores; of rides see :meth:`judge`."""
+        """Simulate one descent per context with launches of shape (n, k), on all cores; of rides see :meth:`judge`."""
         self.must_be("launch", "launches that are chosen; judge follows rides")
         chosen = checked_actions(self.task.action_space, self.task.action_names, actions, len(contexts))
         return self._descend(contexts, chosen)

@@ -40,7 +40,7 @@ _MAY_BE_EMPTY: Final[dict[str, list[str]]] = {"judged": _ACTIONS, "curves": ["se
 
 
 class Results(NamedTuple):
-    """What a suite has found; docs/benchmark.md lists the columns."""
+    """Tables of a suite; docs/benchmark.md lists the columns."""
 
     judged: pd.DataFrame  # a row for each context in which an agent was judged: means over its trials, REFERENCE
     curves: pd.DataFrame  # a row for each validation during training

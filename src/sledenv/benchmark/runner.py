@@ -111,7 +111,7 @@ def _agents(job: Job, problem: Problem, place: Path) -> Iterator[tuple[str, Agen
 
 
 def _rows(problem: Problem, agent: Agent, trials: Contexts) -> pd.DataFrame:
-    """Return one row a context, means over its trials, for contexts of shape (n, t, 12) or (n, t, 14)."""
+    """Return one row per context, means over its trials, for contexts of shape (n, t, 12) or (n, t, 14)."""
     batch, actions = problem.judge(agent, trials)
     outcomes, status = batch.outcomes, batch.status
     columns: dict[str, Any] = batch.jam._asdict()

@@ -234,7 +234,7 @@ Deviation = Annotated[float, Quantity("[0, inf)")]
 
 
 class _Config(Section):
-    """What of the configuration of a run says how to load it; the rest says how it came about."""
+    """The part of the configuration of a run that says how to load it; the rest says how it came about."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -250,7 +250,7 @@ class _Config(Section):
 
 
 class _Record(Section):
-    """What the training of a run took."""
+    """Times that the training of a run took."""
 
     train_seconds: Annotated[float, Quantity("[0, inf) s")]
     train_cpu_seconds: Annotated[float, Quantity("[0, inf) s")]

@@ -134,7 +134,7 @@ class Suite(Document):
 
     @property
     def words(self) -> str:
-        """What is to be done, for a reader."""
+        """Words for what is to be done."""
         jobs = self.jobs()
         agents, scenarios = len({job.module for job in jobs}), len({job.scenario for job in jobs})
         asked = f"{len(jobs)} jobs ({agents} agents with their seeds, scenarios: {scenarios})"

@@ -33,7 +33,7 @@ SHELL = "#f6c7a3"
 HEAVY = "#d55e00"
 
 _SHARPNESS = 2  # shapes are drawn this many times larger and smoothed down
-_PANEL = 0.1  # of the height: the panel with the numbers, below the picture
+_PANEL = 0.13  # of the height: the panel with the numbers, below the picture
 _BAND, _MARKS, _WORDS = 13.0, 26.0, 44.0  # [px] depth of a zone below the surface, of the words of marks, and its own
 _LETTER = 6.5  # [px] width
 _FAR = 20_000.0  # [px]
@@ -148,7 +148,7 @@ class Canvas:
         screen.blit(pygame.transform.smoothscale(self.surface, (self.camera.width, self.camera.height)), (0, 0))
         top, cell = self.camera.height, width / len(numbers)
         panel = height - top
-        small = max(5, round(min(0.36 * panel, 0.19 * cell)))
+        small = max(5, round(min(0.36 * panel, 0.14 * cell)))
         pygame.font.init()
         font, large = pygame.font.Font(None, small), pygame.font.Font(None, round(1.35 * small))
 

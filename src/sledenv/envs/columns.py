@@ -1,4 +1,4 @@
-"""What agents see: the columns of an observation, each with its name, its unit, its scale and what it is computed of.
+"""Columns of an observation, each with its name, its unit, its scale and what it is computed of.
 
 A new entry of the state is an entry of ``STATE``; of the ground and of landings it is one of the kernel's (outlook.py)
 and a row here. The table of docs/environments/descent.md is made of them.
@@ -25,7 +25,7 @@ BOUND: Final = 5.0  # of entries that have no bound of their own: most are withi
 
 
 class Scales(NamedTuple):
-    """What columns of one scenario are scaled by."""
+    """Scales of the columns of one scenario."""
 
     length: float  # [m] of the slope
     size: float  # [m] of the largest body
@@ -40,7 +40,7 @@ class Scales(NamedTuple):
 
 
 class Look(NamedTuple):
-    """What columns of n lanes are computed of."""
+    """All that columns of n lanes are computed of."""
 
     scenes: Scenes
     flights: np.ndarray  # of OUTCOME, (n,)
@@ -106,7 +106,7 @@ STATE: Final = (
 
 
 class Around(NamedTuple):
-    """What is told of each vertex around, as the kernel's VERTEX has it: the k-th one to its side."""
+    """An entry of each vertex around, as the kernel's VERTEX has it: of the k-th one to its side."""
 
     name: str
     unit: str
@@ -125,7 +125,7 @@ AROUND: Final = (
 
 
 class Foreseen(NamedTuple):
-    """What is told of a landing, as the kernel's LANDING has it."""
+    """An entry of a landing, as the kernel's LANDING has it."""
 
     name: str
     unit: str

@@ -32,11 +32,11 @@ class Snapshot(NamedTuple):
 
     task: dict[str, Any]  # of what
     episode: dict[str, Any]
-    stream: list[np.random.Generator | None]  # one a lane
+    stream: list[np.random.Generator | None]  # one per lane
 
 
 class Step(NamedTuple):
-    """What a step of some lanes gives, arrays with one row a lane."""
+    """The results of a step of some lanes, arrays with one row per lane."""
 
     rewards: Floats
     terminated: Flags
@@ -136,7 +136,7 @@ class Episodes(ABC):
         self.seen[lanes] = self.task.observe(self._scenes(lanes), flights)
 
     def step(self, lanes: Lanes, actions: Floats) -> Step:
-        """Advance lanes by one step each, with actions that have been checked, a row a lane."""
+        """Advance lanes by one step each, with actions that have been checked, a row per lane."""
         batch = self._advance(lanes, actions)
         terminated = batch.outcomes["status"] != RUNNING
         earned = np.where(terminated, batch.jam.reward, SHARE_OF_PROGRESS * batch.jam.progress)
@@ -168,7 +168,7 @@ class Episodes(ABC):
 
     @property
     def pasts(self) -> list[Any]:
-        """What has happened in each lane that is shown."""
+        """The past of each lane that is shown."""
         return [viewer.past for viewer in self.viewers]
 
     @pasts.setter

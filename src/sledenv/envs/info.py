@@ -1,4 +1,4 @@
-"""What environments tell of episodes besides what an agent sees."""
+"""Info of environments: what they tell of episodes besides what an agent sees."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What users give environments: what is fixed of episodes that begin, and actions; checked."""
+"""Inputs of environments, checked: what a user fixes of episodes that begin, and actions."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _SLACK = 1e-4  # by which an action may lie outside the box: what RescaleAction'
 
 
 class Given(NamedTuple):
-    """What a user fixes of episodes that begin."""
+    """All that a user fixes of episodes that begin."""
 
     fixed: NDArray[np.float64]  # (n, 12), columns as in Context; NaN where a field is to be drawn
-    split: Split | tuple[Split | None, ...] | None  # a tuple has one an episode
+    split: Split | tuple[Split | None, ...] | None  # a tuple has one per episode
 
     def of(self, rows: NDArray[np.intp]) -> Given:
         """Return what is given of some of the episodes."""
@@ -108,7 +108,7 @@ def _fixed(context: Any, lanes: int, called: str = "context") -> NDArray[np.floa
     """Fields of contexts that a user fixes, shape (lanes, 12), NaN where one is to be drawn."""
     if isinstance(context, list | tuple) and any(isinstance(one, Mapping | None) for one in context):
         if len(context) != lanes:
-            raise ValueError(f"{called} has {len(context)} entries: must be one a lane, {lanes}")
+            raise ValueError(f"{called} has {len(context)} entries: must be one per lane, {lanes}")
         return np.concatenate([_fixed(one, 1, f"context[{lane}]") for lane, one in enumerate(context)])
     fixed = np.full((lanes, FIELDS), np.nan)
     if isinstance(context, Mapping):
@@ -140,9 +140,9 @@ def read_options(
     ----------
     options : mapping, optional
         ``context``: fields of the contexts, the others being drawn: a mapping of names to values, each a number or
-        an array of shape (lanes,), or a whole context or one a lane, shape (12,) or (lanes, 12), of a Series or a
-        DataFrame by its names; or a list of one a lane, each a mapping, a whole context or None.
-        ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one a lane.
+        an array of shape (lanes,), or a whole context or one per lane, shape (12,) or (lanes, 12), of a Series or a
+        DataFrame by its names; or a list of one per lane, each a mapping, a whole context or None.
+        ``split``: in place of that of the task, for the episodes that this reset begins; or a list of one per lane.
     default : str, optional
         The split where the options name none.
     lanes : int
@@ -163,7 +163,7 @@ def read_options(
         raise ValueError(f"unknown option {next(iter(given))!r}: must be one of {known}")
     splits = tuple(split) if isinstance(split, list | tuple) else (split,)
     if len(splits) not in (1, lanes):
-        raise ValueError(f"split has {len(splits)} entries: must be one, or one a lane, {lanes}")
+        raise ValueError(f"split has {len(splits)} entries: must be one, or one per lane, {lanes}")
     for one in splits:
         if one is not None:
             check_split(one)

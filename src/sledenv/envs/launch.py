@@ -42,7 +42,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
         Every episode terminates after its one step.
     Info
         ``context``; ``launch``, the orientation [rad], spin [rad/s] and speed [m/s] with which the body was let go, its
-        error included; ``rebounds`` (a dict of columns, one entry a rebound), ``jam``, ``is_success`` and ``descent``
+        error included; ``rebounds`` (a dict of columns, one entry per rebound), ``jam``, ``is_success`` and ``descent``
         (status, an index of ``sledenv.STATUS_OF_CODE``, time, energy).
 
     Parameters

@@ -134,9 +134,9 @@ class SledVecEnv(VecEnv):
         """Begin an episode in every lane, with the seeds and options set for this reset."""
         seeds, options = self._seeds, self._options
         if not isinstance(options, list | tuple):
-            raise TypeError(f"options = {options!r}: must be a mapping, or a list of one a lane")
+            raise TypeError(f"options = {options!r}: must be a mapping, or a list of one per lane")
         if len(options) != self.num_envs:
-            raise ValueError(f"options has {len(options)} entries: must be one a lane, {self.num_envs}")
+            raise ValueError(f"options has {len(options)} entries: must be one per lane, {self.num_envs}")
         self._reset_seeds()
         self._reset_options()
         observations, info = self.env.reset(

@@ -1,6 +1,6 @@
-"""What every environment shares: scenes, their observation, launch of an action, the spins that riders lend.
+"""Tasks, which every environment shares: scenes, their observation, launch of an action, spins that riders lend.
 
-Scenes, observations, actions and flights have one row a lane; the scalar environments have one lane.
+Scenes, observations, actions and flights have one row per lane; the scalar environments have one lane.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ def check_options(environment: type, given: Iterable[str]) -> None:
 
 
 class Task:
-    """What an agent sees of the contexts of a scenario, what it does there, and the descents that follow.
+    """The contexts of a scenario as an agent sees them, what it does there, and the descents that follow.
 
     Environments and problems have one; nobody else needs it.
 
@@ -188,7 +188,7 @@ class Task:
 
     @property
     def identity(self) -> dict[str, Any]:
-        """What two tasks have in common if each can go on where the other stands."""
+        """All that two tasks have in common if each can go on where the other stands."""
         return {
             "scenario": (self.scenario.id, self.scenario.hash),
             "control": self.control,

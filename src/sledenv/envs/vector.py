@@ -273,9 +273,9 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         if seed is None:
             return [None] * len(lanes)
         if isinstance(seed, str) or not (isinstance(seed, Sequence) or (isinstance(seed, np.ndarray) and seed.ndim)):
-            raise TypeError(f"seed = {seed!r}: must be an integer >= 0, or a sequence of one a lane")
+            raise TypeError(f"seed = {seed!r}: must be an integer >= 0, or a sequence of one per lane")
         if len(seed) != self.num_envs:
-            raise ValueError(f"seed has {len(seed)} entries: must be one a lane, {self.num_envs}")
+            raise ValueError(f"seed has {len(seed)} entries: must be one per lane, {self.num_envs}")
         owns = [(i, seed[i]) for i in lanes.tolist()]
         return [None if own is None else checked_seed(own, f"seed[{i}]") for i, own in owns]
 

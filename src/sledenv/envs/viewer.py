@@ -27,7 +27,7 @@ def checked_render_mode(mode: str | None) -> str | None:
 
 
 class Past(NamedTuple):
-    """What has happened in an episode."""
+    """Events of an episode so far."""
 
     launched: bool = False  # False while a launch is awaited
     trims: tuple[float, ...] = ()  # [rad/s] of each step of a ride
