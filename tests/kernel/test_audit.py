@@ -17,7 +17,6 @@ from tests import audit_rows as rows
 from tests.audit import SLOW, audit, audited, look, of_rows, retell, survey
 from tests.audit_geometry import (
     BX,
-    CENTRE,
     CREST,
     OUTLINE,
     ROUNDEST,
@@ -26,13 +25,10 @@ from tests.audit_geometry import (
     deeper,
     ground_of,
     height_at,
-    leave,
     measure_all,
     outline_of,
-    outside,
     touching_height,
 )
-from tests.profile_springs import resting_height
 from tests.profiles import BODIES as PLAIN_BODIES
 from tests.profiles import Profile, bumps, dips, hills
 from tests.rough_grounds import code_of, rough_case
@@ -324,23 +320,6 @@ def test_a_contact_on_a_bend_is_understood(convex: bool) -> None:
     assert found >= ({"normal", "under the ground"} if convex else {"normal", "air"})
 
 
-def test_points_lie_inside_and_outside_of_a_rod() -> None:
-    """Oracle: a stadium, two half circles of 0.1 m around points 0.4 m from its middle."""
-    arcs = outline_of(ROD).arcs
-    for x, y, distance in [
-        (0.0, 0.0, -0.1),
-        (0.2, 0.15, 0.05),
-        (0.7, 0.0, 0.2),
-        (0.4, -0.03, -0.07),
-        (0.43, 0.04, -0.05),
-    ]:
-        assert outside(arcs, x, y)[0] == pytest.approx(distance)
-    assert leave(arcs, 0.2, 0.05, 0.0, -1.0) == pytest.approx((0.15, 0.0, -1.0))
-    assert leave(arcs, 0.2, 0.15, 0.0, 1.0) == pytest.approx((-0.05, 0.0, 1.0))
-    assert leave(arcs, 0.46, 0.0, 0.0, 1.0) == pytest.approx((0.08, 0.6, 0.8))
-    assert math.isnan(leave(arcs, 0.6, 0.0, 0.0, 1.0)[0])
-
-
 def test_a_bend_touches_both_pieces() -> None:
     """Oracle: on a piece it ends R tan(turn/2) from its vertex, or 0.49 of the piece, and R from its centre."""
     pieces, bends = ground_of([(0.0, 0.0), (2.0, 1.0), (3.0, 0.0), (3.5, 0.0)], [0.3, 0.5, 100.0, 2.0])
@@ -410,14 +389,3 @@ def test_distances_from_the_ground_are_those_of_dense_points() -> None:
         sign = 1.0 if y > height_at(*ground, x) else -1.0
         if distance < 1.4:
             assert clearance(*ground, x, y) == pytest.approx(sign * distance, abs=1e-6)
-
-
-@pytest.mark.parametrize("kind", PLAIN_BODIES)
-def test_bodies_come_down_on_the_ground(kind: str) -> None:
-    """Oracle: the height at which nothing touches any more, by halving, tests/profile_springs.py."""
-    body, rng = PLAIN_BODIES[kind], np.random.default_rng(9)
-    for number in range(20):
-        profile, x, phi = (hills, bumps, dips)[number % 3](rng), rng.uniform(0.0, 20.0), rng.uniform(-3.0, 3.0)
-        high = touching_height(body, profile, x, phi)
-        assert high == pytest.approx(resting_height(body, profile, x, phi), abs=1e-12)
-        assert measured(body, profile, (x, high + 1e-12, phi))[CENTRE] < 0.0

@@ -186,23 +186,18 @@ DOUBLE = [
 ]
 
 
-@pytest.mark.parametrize("hypothesis", ["energetic", "newton"])
 @pytest.mark.parametrize(("inertia", "a", "b", "f", "delta", "e", "v_t", "v_n"), DOUBLE)
 def test_an_impact_can_compress_twice(
-    inertia: float, a: float, b: float, f: float, delta: float, e: float, v_t: float, v_n: float, hypothesis: str
+    inertia: float, a: float, b: float, f: float, delta: float, e: float, v_t: float, v_n: float
 ) -> None:
     """Rolling against its resistance, the body drives the contact back down: |a| delta > a^2 + b^2 + J/m."""
     assert abs(a) * delta > a * a + b * b + inertia
     case = [1.0, inertia, a, b, 0.5, f, delta, e, v_t, 0.0, v_n]
     phases = np.zeros(MOST_PHASES, PHASE)
-    found = solve(case, HYPOTHESES[hypothesis], phases)
+    found = solve(case, phases=phases)
     stages = [int(row["restitution"]) for row in phases[: found[9]]]
-    turns = [stage for k, stage in enumerate(stages) if k == 0 or stage != stages[k - 1]]
-    if hypothesis == "energetic":
-        assert turns == [0, 1, 0, 1]
-        assert found[2] > 0.0
-        assert kinetic(case, *found[:3]) + sum(found[6:9]) == pytest.approx(kinetic(case, v_t, 0.0, v_n), rel=1e-13)
-    assert worst_error(case, found, oracle(case, hypothesis)) < 1e-12
+    assert [stage for k, stage in enumerate(stages) if k == 0 or stage != stages[k - 1]] == [0, 1, 0, 1]
+    assert worst_error(case, found, oracle(case)) < 1e-12
 
 
 def jamming(cases: np.ndarray) -> np.ndarray:

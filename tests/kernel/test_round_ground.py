@@ -95,22 +95,6 @@ def test_a_disc_swings_in_a_round_dip_as_a_pendulum_does(radius: float, rolls: b
     assert errors[1] == pytest.approx(0.01 * errors[0], rel=0.01)
 
 
-@pytest.mark.parametrize("rolls", [True, False], ids=["rolling", "without friction"])
-def test_a_round_dip_bears_weight_and_turns_the_path(rolls: bool) -> None:
-    """Oracle: N = m (g cos a + v^2/(rho - r)), once the disc has sunk in."""
-    radius, angle, errors = 3.0, 0.8, []
-    for stiffness in (1e6, 1e8):
-        rows = swing(radius, angle, stiffness, 10.0 if rolls else 0.0, 3.0).trajectory
-        rows = rows[rows["t"] > 1.0]
-        assert (rows["touching"] == 1).all()
-        cosine = (radius - rows["y"]) / np.hypot(rows["x"], radius - rows["y"])
-        expected = MASS * (G * cosine + (rows["u"] ** 2 + rows["v"] ** 2) / (radius - SMALL))
-        errors.append(float(np.abs(rows["normal"] / expected - 1.0).max()))
-    assert errors[0] < 1e-3
-    assert errors[1] < 0.2 * errors[0]
-    assert np.ptp(expected) > 0.3 * MASS * G  # so that both terms count
-
-
 @pytest.mark.parametrize(("radius", "contacts"), [(12.0, 2), (20.0, 1), (40.0, 1)])
 def test_the_sled_rides_through_a_round_dip_on_what_is_rounder(radius: float, contacts: int) -> None:
     """Oracle: geometry; the runner, an arc of 15 m, touches a flatter dip once, and another one with both its ends."""

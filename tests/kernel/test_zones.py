@@ -113,46 +113,6 @@ def test_a_block_comes_to_rest_where_a_zone_holds_it(friction: float, solver: So
     assert descent.time == pytest.approx(time, rel=1e-12 if solver == "rigid" else 1e-6)
 
 
-def on_wheel(angle: float, zones: list[sledenv.Zone], speed: float, length: float, **options: Any) -> sledenv.Descent:
-    """A uniform disc of radius .5 m that rolls."""
-    slope, body = sledenv.Slope(angle, length, GRAVITY, zones), sledenv.disc(3.0, 0.5)
-    law = sledenv.ContactLaw(1e10, 0.5, 0.5, 0.005)
-    return sledenv.simulate(body, law, slope, sledenv.State(0.0, 0.5, 0.0, speed, 0.0, -speed / 0.5), **options)
-
-
-@SOLVERS
-def test_a_wheel_starts_to_slip_where_a_zone_is_too_slippery_and_rolls_again_behind_it(solver: Solver) -> None:
-    """Oracle: du/dt = g (sin - f cos), J domega/dt = -(r f - delta) N while it slips; then it sticks and rolls."""
-    angle, speed, radius, arm, ice = 0.3, 1.0, 0.5, 0.005, 0.02
-    down, press = GRAVITY * math.sin(angle), GRAVITY * math.cos(angle)
-    inertia = 0.5 * radius**2  # over the mass
-
-    def reached(u: float, gain: float, way: float) -> tuple[float, float]:
-        faster = math.sqrt(u * u + 2.0 * gain * way)
-        return faster, 2.0 * way / (u + faster)
-
-    rolling = (down - arm / radius * press) / 1.5
-    u, time = reached(speed, rolling, 1.0)
-    rim = u  # [m/s] -r omega
-    # In the zone
-    faster, lasted = reached(u, down - ice * press, 2.0)
-    rim += radius * (radius * ice - arm) * press / inertia * lasted
-    u, time, way = faster, time + lasted, 3.0
-    assert rim < u
-    # Behind it friction is large, until the rim is as fast as the wheel.
-    gain, spinning = down - 0.5 * press, radius * (radius * 0.5 - arm) * press / inertia
-    lasted = (u - rim) / (spinning - gain)
-    way, u, time = way + u * lasted + 0.5 * gain * lasted**2, u + gain * lasted, time + lasted
-    assert way < 6.0
-    u, lasted = reached(u, rolling, 6.0 - way)
-    time += lasted
-    near = 1e-12 if solver == "rigid" else 1e-6
-    descent = on_wheel(angle, [sledenv.Zone(1.0, 3.0, ice, arm)], speed, 6.0, solver=solver)
-    assert descent.time == pytest.approx(time, rel=near)
-    assert descent.state.u == pytest.approx(u, rel=near)
-    assert descent.state.omega == pytest.approx(-u / radius, rel=near)
-
-
 BODIES = {
     "disc": sledenv.disc(3.0, 0.5, 0.2, 0.3),
     "segment": sledenv.circular_segment(100.0, 0.5, 1.9),
