@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import functools
 import math
+import os
+import re
 import reprlib
 from collections import namedtuple
 from collections.abc import Callable
 from decimal import Decimal
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -41,7 +44,8 @@ NOT_FINITE = NAN, INF, -INF
 NO_POSITIVE, NEGATIVE, NO_PLACE = (*NOT_FINITE, 0.0, "x"), (*NOT_FINITE, TINY, "x"), (*NOT_FINITE, "x")
 NO_SHARE, NO_MASS = (*NOT_FINITE, TINY, 1.0 + 1e-15), (*NOT_FINITE, 0.0, -1.0, 9e-51, 1.1e50, "x")
 NO_INERTIA, NO_LENGTH = (*NOT_FINITE, 0.0, 9e-251, 1.1e150, "x"), (*NOT_FINITE, TINY, 9e-51, 1.1e50, "x")
-NO_COUNT, NO_SEED, NO_FLAG = (0, -3, 1.5, True, "1", 10**400), (-1, True, 1.5, NAN, "3"), (1, "yes", None)
+NO_COUNT, NO_SEED = (0, -3, 1.5, True, "1", 10**400, np.timedelta64(1, "s")), (-1, True, 1.5, NAN, "3")
+NO_FLAG = 1, "yes", None
 
 DISC, LAW, INCLINE = sledenv.segment(1.0, 0.1, 0.05, 7.5e-3), ContactLaw(1e6, 0.5, 0.1, 0.001), Slope(0.2, 10.0)
 LAUNCH, PATCH = State(0.0, 0.6, 0.5, 1.0, 0.0, -3.0), Zone(1.0, 2.0, 0.1, 0.0)
@@ -53,7 +57,7 @@ SIDES += [Arc(-1.0, 1.0, 0.0, math.pi / 2)]  # of a square
 HILL = ((-1.0, 0.0), (0.0, 1.0), (2.0, 0.5))
 LAUNCHES = np.array([LAUNCH, LAUNCH])
 FRAME = pd.DataFrame(LAUNCHES, columns=State._fields)
-ID = "sledenv/SledLaunch-v0"
+ID, ROLLERS, HALF = "sledenv/SledLaunch-v0", load_scenario("sled_rollers"), np.full((2, 11), 0.5)
 
 
 def zoned(*numbers: float) -> list[Any]:
@@ -118,6 +122,10 @@ def used(use: str) -> Any:
 
 def in_lanes(**given: Any) -> Any:
     return SledLaunchVector(2, "sled_snow").reset(**given)
+
+
+def in_context(**changes: Any) -> Any:
+    return ROLLERS.given(Context(*ROLLERS.ranges[0])._replace(**changes))
 
 
 def scenario_with(**changes: Any) -> Any:
@@ -206,13 +214,12 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "load_scenario": (load_scenario, {}),
         "load_track": (load_track, {}),
         "Scenario.on": (lambda track, name: load_scenario(name).on(track), {"track": "whoops", "name": "sled_rollers"}),
-        "Scenario.settings": (load_scenario("sled_rollers").settings, {}),
-        "Scenario.sample": (load_scenario("sled_snow").sample, {}),
-        "Scenario.given": (
-            load_scenario("sled_snow").given,
-            {"context": Context(*load_scenario("sled_snow").ranges[0])},
-        ),
-        "Scenario.scenes": (load_scenario("sled_rollers").scenes, {}),
+        "Scenario.settings": (ROLLERS.settings, {}),
+        "Scenario.sample": (ROLLERS.sample, {}),
+        "Scenario.given": (ROLLERS.given, {"context": Context(*ROLLERS.ranges[0])}),
+        "context given": (in_context, {}),
+        "Scenario.contexts": (load_scenario("sled_snow").contexts, {"draws": HALF}),
+        "Scenario.scenes": (ROLLERS.scenes, {"contexts": np.tile(ROLLERS.ranges[0], (2, 1))}),
         "SledLaunch": (SledLaunch, {"scenario": "sled_snow"}),
         "SledLaunch.reset": (SledLaunch("sled_snow").reset, {}),
         "SledDescent": (SledDescent, {}),
@@ -222,7 +229,12 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "SledVecEnv": (SledVecEnv, {}),
         "SledVecEnv.set_options": (option_of, {}),
         "make_vec_env": (make_vec_env, {"env_id": ID, "n_envs": 2}),
+        "SledVecEnv.seed": (make_vec_env(ID, 3).seed, {}),
+        "SledVecEnv.get_attr": (make_vec_env(ID, 3).get_attr, {"attr_name": "task"}),
+        "SledVecEnv.env_method": (make_vec_env(ID, 3).env_method, {"method_name": "reset"}),
         "Problem.contexts": (Problem("sled_mat").contexts, {"split": "test", "count": 1}),
+        "Problem.trials": (Problem("sled_mat").trials, {"split": "test", "contexts": np.zeros((1, 12))}),
+        "Problem.judge": (Problem("sled_mat").judge, {"agent": None}),
         "identify": (sledenv.identify, {"table": recorded(), "gyration_radius": 0.3, "starts": 1}),
         "identify_tracks": (tracked, {}),
         "problem of rides": (used, {}),
@@ -238,6 +250,7 @@ BUMPS = {"height_m": [0.4, 0.9], "face_m": [2.5, 4], "top_m": [0.2, 1.5], "gap_m
 ROUND = {"x_m": 0, "y_m": 0, "radius_m": 0.5, "begin_rad": 0}
 CONTEXTS = pd.DataFrame(np.ones((2, 12)), columns=Context._fields)
 SHORT = {"height_m": 0.01, "face_m": [0.002, 4], "top_m": 0, "gap_m": 0}
+POSES = "t_s,x_m,y_m,phi_rad\n"
 MASKED = np.ma.masked_less(LAUNCHES, -1.5)
 
 # Public name: argument, words expected, wrong values.
@@ -495,7 +508,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("slope", "slope[1].zones[0].end = 11.0: must be <= Slope.length = 10.0 m", zoned(5, 11, 0.1, 0, 0, 0.5, 1e6)),
         (
             "slope",
-            "slope[1].zones[1].begin = 2.0: must be >= the end",
+            "slope[1].zones[1].begin = 2.0: must be >= ",
             zoned(1, 3, *PATCH.row[2:], 2, 4, *PATCH.row[2:]),
         ),
         ("body", "3 given for 2 launches", [DISC] * 3, np.array([ROW] * 3), np.concatenate([DISC.record] * 3)),
@@ -579,7 +592,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("slope__angle_deg", f"low must not exceed high; {RANGE} (-90, 90) deg", [12, 6]),
         ("slope__length_m", "must be a number in (0, inf) m", 0, INF, [5, 10]),
         ("slope__length_m", "missing; must be a number in (0, inf) m", DELETE),
-        ("slope__gravity_m_s2", "must be a number in [0, inf) m/s^2", -9.81),
+        ("slope__gravity_m_s2", "must be a number in [0, inf) m/s^2", -9.81, Decimal(1), np.timedelta64(1, "s")),
         ("contact__restitution", f"{RANGE} (0, 1]", 0, [0.5, 1.1]),
         ("contact__friction", f"{RANGE} [0, inf)", -0.1, NAN),
         ("contact__stiffness_n_m", "must be a number in (0, inf) N/m", 0, True),
@@ -702,7 +715,6 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("name_or_path", "scenario = 3: must be the name of one or the path of a file", 3),
         ("name_or_path", "must be the name of one or the path of a file", None, ["sled_snow"]),
         ("name_or_path", "(did you mean 'sled_snow'?); known: ", "sled_snwo"),
-        ("name_or_path", "cannot be read: ", "absent.yaml"),
     ],
     "load_track": [("name_or_path", "(did you mean 'whoops'?); known: camel, double", "woops")],
     "Scenario.on": [
@@ -715,7 +727,22 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("context", "must be a Context, or as many numbers: angle, friction", None, 3, "snow", (0.1, 0.2)),
         *((name, "State.", *NOT_FINITE, "x") for name in ("orientation", "spin", "speed")),
     ],
+    "context given": [
+        ("friction", "in [0, inf)", *NEGATIVE, Decimal(1), bytearray(b"1"), np.timedelta64(1, "s"), None),
+        ("track", "must be a whole number in [0, 4294967296)", 0.5, -1.0),
+        ("shape", "must be a whole number in [0, 0], that of a body", 9.0),
+    ],
+    "Scenario.contexts": [
+        ("draws", "numbers, each in [0, 1)", None, "x", HALF > 0.0, np.full((2, 11), "a"), HALF * 1j),
+        ("draws", "must be in [0, 1)", 3, HALF * NAN, HALF * INF, 2.0 * HALF, HALF - 1.0),
+        ("draws", "is a masked array", np.ma.masked_greater(HALF, 0.4)),
+        ("draws", "must be (..., 11) or (..., 12)", HALF[:, 1:], np.full((2, 13), 0.5)),
+        ("split", "must be one of 'train', 'validation', 'test'", "exam", 5),
+    ],
     "Scenario.scenes": [
+        ("contexts", "contexts has shape", np.zeros(3), np.zeros((2, 3)), 3),
+        ("contexts", "numbers, columns angle", None, "x", np.array([list("abcdefghijkl")])),
+        ("errors", "errors", 5, "both", [[0.0, NAN]], np.zeros((3, 2)), np.zeros((1, 3))),
         ("contexts", "has the column 'trak'", CONTEXTS.rename(columns={"track": "trak"})),
         ("contexts", "has no column 'track'", CONTEXTS.drop(columns="track")),
         ("contexts", "contexts is a masked array", np.ma.masked_less(np.ones((2, 12)), 2.0)),
@@ -768,7 +795,25 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("scenario", "is an argument of the environment, give", "sled_mat"),
         ("seed", "must be an integer >= 0", *NO_SEED),
     ],
-    "Problem.contexts": [("count", "contexts = -1: must be an integer >= 0", -1)],
+    "SledVecEnv.seed": [("seed", "must be an integer >= 0", *NO_SEED)],
+    "SledVecEnv.get_attr": [
+        ("indices", "must be the number of a lane, a sequence of them, or None", "a", [True], 1.5, [[0]], NAN),
+        ("indices", "must be among 3 lanes", 5, [5], [0, -4]),
+    ],
+    "SledVecEnv.env_method": [("indices", "must be the number of a lane, a sequence of them, or None", "a", [[0]])],
+    "Problem.contexts": [
+        ("count", "contexts = -1: must be an integer >= 0", -1),
+        ("seed", "must be an integer >= 0", *NO_SEED),
+    ],
+    "Problem.trials": [
+        ("contexts", "numbers, columns angle", None, "x", np.ones((1, 12)) * 1j),
+        ("contexts", "has shape", 3, np.zeros((2, 3))),
+        ("contexts", "contexts[0].angle = nan", np.full((1, 12), NAN)),
+    ],
+    "Problem.judge": [
+        ("trials", "numbers", None, "x"),
+        ("trials", "must be (n, t, 14), (n, 12) or (n", np.zeros((2, 3))),
+    ],
     "identify": [
         ("table", "must be a DataFrame or the path of a file", None),
         ("table", "u_before_m_s: must be numbers, is of the type", recorded() * 1j),
@@ -821,10 +866,119 @@ def test_a_wrong_input_is_refused_by_name_before_anything_runs(
 ) -> None:
     """Oracle: the message."""
     call, given = calls()[name]
-    with pytest.raises((TypeError, ValueError)) as caught:
+    with pytest.raises((TypeError, ValueError, IndexError)) as caught:
         call(**given | {argument: value})
     told = str(caught.value)
     assert words in told
     if type(value) in (bool, int, float, str) and words.startswith(("must be", "in ")):
         assert f"{argument.replace('__', '.')} = " in told
         assert f" {reprlib.repr(value)}" in told
+
+
+# Kind of file: text, words expected.
+WRONG_FILES: dict[str, list[tuple[str, str]]] = {
+    "profile": [
+        ("", "the file is empty: must name the columns, x_m, y_m"),
+        ("# nothing\n", "the file is empty"),
+        ("x_m;y_m\n0;1\n", "line 1: must name the columns"),
+        ("0,1\n1,2\n", "line 1: must name the columns"),
+        ("x_cm,y_m\n0,1\n", "line 1: must name the columns"),
+        ("x_m,y_m,z_m\n0,1,2\n", "line 1: must name the columns"),
+        ("x_m,y_m,x_m\n0,1,2\n", "line 1: must name the columns"),
+        (
+            "# x_m,y_m\n0,1\n1,2\n",
+            "line 1 is a comment: leave out its #, as numpy.savetxt(",
+        ),
+        ("x_m,y_m\n0,1\n", "holds 1 vertices: must hold at least 2"),
+        ("#\nx_m,y_m\n0,1\n\n1,2,3\n", "line 5: has 3 values: must have 2, x_m, y_m"),
+        ("x_m,y_m\n0,1\n1,2 m\n", "line 3: y_m = '2 m': must be a finite number of metres, with a decimal point"),
+        ('x_m,y_m\n0,1\n1,"2,5"\n', "line 3: y_m = '2,5': must be a finite number of metres, with a decimal point"),
+        ("x_m,y_m\n0,1\n1,nan\n", "line 3: y_m = 'nan': must be a finite number of metres"),
+        ("x_m,y_m\n0,1\n1,\n2,0\n", "line 3: y_m = '': must be a finite number of metres, with a decimal point; leave"),
+        ("x_m,y_m\n0,3_0\n1,2\n", "line 2: y_m = '3_0': must be a finite number of metres"),
+        ("x_m,y_m\n0,\uff13\n1,2\n", "line 2: y_m = '\uff13': must be a finite number of metres"),
+        ('x_m,y_m\n0,"1\n', "line 2 = '0,\"1': a quotation mark has no other one in its line"),
+        ('x_m,y_m\n0,0\n1,"0\n2,0\n3,"0\n4,0\n', "line 3 = '1,\"0': a quotation mark has no other one"),
+        ("x_m,y_m\n0,0\n2,0\n1,0\n", "line 4: x_m = 1: must be > 2 m, that of line 3; put the lines in the order of x"),
+        ("x_m,y_m\n0,0\n#\n1,0\n1,0\n", "line 5: x_m = 1, y_m = 0: repeats line 4; leave one of them out"),
+        (
+            "x_m,y_m\n0,0\n1,0\n1,3\n",
+            "line 4: x_m = 1: is a vertical step from y_m = 0 in line 3 to 3 m; let",
+        ),
+        ("x_m,y_m\n0,0\n1,0\n1.1,3\n", "line 4: the piece from line 3 to here is 88.1 degrees steep to the plane"),
+        ("x_m,z_m\n5,90\n10,80\n", "x_m runs from 5 to 10 m: must hold 0, where descents start; shift it so that it"),
+        (2**17 * "1,1\n", "has 131072 lines: must have at most 65536"),
+        (2**24 * " ", "has 16777216 bytes: must have at most 8388608"),
+    ],
+    "scenario": [
+        ("slope: [", "cannot be read: while parsing"),
+        ("id: a\nid: b", "cannot be read: repeated key 'id'"),
+        ("slope: {length_m: 5, length_m: 6}", "cannot be read: repeated key 'length_m'"),
+        (500 * "[" + 500 * "]", "cannot be read: nested too deeply"),
+        (2000 * "{a: ", "cannot be read: nested too deeply"),
+        ("a: &a {b: 1}\nc: {<<: *a}", "cannot be read: *a refers to another place"),
+        ("a: &a [*a]", "cannot be read: *a refers to another place"),
+        ("", "must be a mapping of keys to values"),
+        ("- a", "must be a mapping of keys to values"),
+        ("1: a", "1 = 'a': unknown key; known: id, title"),
+        (2**23 * " ", "cannot be read: has 8388608 bytes: must have at most 4194304"),
+    ],
+    "study": [(2**23 * " ", "cannot be read: has 8388608 bytes: must have at most 4194304")],
+    "recording": [
+        (f"{POSES}0,3_0,1,0\n1,1,1,0\n2,1,1,0\n", "x_m, line 2: is '3_0', must be a number, with a decimal point"),
+        (
+            f"{POSES}0,\uff13,1,0\n1,1,1,0\n2,1,1,0\n",
+            "x_m, line 2: is '\uff13', must be a number",
+        ),
+        (f"{POSES}0,inf,1,0\n1,1,1,0\n2,1,1,0\n", "x_m = inf in line 2: must be finite or NaN"),
+        (f"{POSES}0,1,1,0,9\n1,1,1,0\n", "line 2: has 5 values: must have 4, as many as its first line"),
+        (f"# {POSES}0,3,1,0\n", "its first line is '# t_s': must name the columns; comments are not skipped"),
+        (f'{POSES}0,"1,1,0\n', "line 2 = '0,\"1,1,0': a quotation mark has no other one in its line"),
+    ],
+}
+OF_FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {  # how its name ends, and what reads it
+    "profile": (".csv", lambda file: scenario_with(slope__profile_file=str(file), slope__angle_deg=45)),
+    "scenario": (".yaml", load_scenario),
+    "study": (".yaml", sledenv.load_study),
+    "recording": (".csv", lambda file: sledenv.identify(file, sledenv.disc(1.0, 0.5), Slope(0.1))),
+}
+
+
+@pytest.mark.parametrize(
+    ("kind", "text", "words"),
+    [pytest.param(kind, *row, id=f"{kind}-{k}") for kind, rows in WRONG_FILES.items() for k, row in enumerate(rows)],
+)
+def test_a_wrong_file_is_told_by_its_line(kind: str, text: str, words: str, tmp_path: Path) -> None:
+    """Oracle: the message."""
+    suffix, read = OF_FILES[kind]
+    file = tmp_path / f"wrong{suffix}"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(words)):
+        read(file)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="there are no pipes with names")
+@pytest.mark.parametrize("kind", OF_FILES)
+def test_what_is_no_file_with_an_end_in_utf_8_is_read_by_nobody(kind: str, tmp_path: Path) -> None:
+    """Oracle: the message; a pipe that nobody writes to would be waited for, a device read without end."""
+    suffix, read = OF_FILES[kind]
+    pipe, device, folder, latin = (tmp_path / f"{name}{suffix}" for name in ("pipe", "device", "folder", "latin"))
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    folder.mkdir()
+    for place in (pipe, device, folder):
+        with pytest.raises((OSError, ValueError), match="must be a regular file, no folder, device or pipe"):
+            read(place)
+    latin.write_bytes(b"title: \xe9t\xe9")
+    with pytest.raises(ValueError, match="must be text in UTF-8, but byte 8 is not"):
+        read(latin)
+    with pytest.raises((OSError, ValueError), match="No such file"):
+        read(tmp_path / f"absent{suffix}")
+
+
+def test_what_a_file_holds_that_is_no_profile_is_not_told(tmp_path: Path) -> None:
+    """Oracle: a secret; whoever writes a scenario may name any file."""
+    (tmp_path / "passwords").write_text('root:"secret:0\n')
+    with pytest.raises(ValueError, match="line 1: must name the columns") as caught:
+        scenario_with(slope__profile_file=str(tmp_path / "passwords"))
+    assert "secret" not in str(caught.value)

@@ -20,12 +20,12 @@ from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
 from sledenv.machine.blame import blaming
 from sledenv.scenarios import Track, track_names
-from sledenv.scenarios.scenario import NOISY, Scenario, Split, check_split
+from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.rules import checked_choice, checked_seed
+from sledenv.simulation.rules import checked_choice, checked_seed, checked_table, numbers_of
 from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 
@@ -225,6 +225,7 @@ class Problem:
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
         """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
         checked_seed(count, "contexts")  # an integer >= 0, as a seed is
+        seed = checked_seed(seed)
         check_room(count * TRIALS * _A_TRIAL, f"contexts = {count}: they and their trials", "take fewer")
         part = _number(split)
         draws = np.array([np.random.default_rng([seed, part, i]).random(FIELDS) for i in range(count)])
@@ -239,6 +240,7 @@ class Problem:
 
         Of a ride, which begins where the launch has happened, a context has one trial, with one of these errors.
         """
+        contexts = checked_table("contexts", contexts, Context._fields, Context.rules)
         if self.environment == "descent":
             return self.drawn(contexts, split)[:, np.newaxis]
         return self._errors(contexts, split, count)
@@ -353,6 +355,9 @@ class Problem:
         GivenCodeError
             If it raises an error itself, which is the cause.
         """
+        trials = numbers_of("trials", trials, "numbers")
+        if trials.ndim not in (2, 3) or trials.shape[-1] not in (FIELDS, FIELDS + len(NOISY)):
+            raise ValueError(f"trials has shape {trials.shape}: must be (n, t, 14), (n, 12) or (n, 14)")
         trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
         many = trials.shape[1]
         contexts = trials.reshape(-1, trials.shape[2])

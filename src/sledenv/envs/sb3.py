@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import gymnasium as gym
@@ -19,7 +19,7 @@ from sledenv.envs.task import TaskOptions
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.envs.viewer import METADATA, Viewer
 from sledenv.machine.extras import needs
-from sledenv.simulation.rules import checked_mapping, checked_seed
+from sledenv.simulation.rules import checked_mapping, checked_seed, is_whole
 
 with needs("agents", __name__):
     from stable_baselines3.common.monitor import Monitor
@@ -211,8 +211,18 @@ class SledVecEnv(VecEnv):
         """Return for each lane whether it has a wrapper: they tell what ``Monitor`` does, and have no other."""
         return [issubclass(Monitor, wrapper_class) for _ in self._lanes(indices)]
 
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Give each lane a seed for the next reset, ``seed`` to the first one, or one that is drawn."""
+        return super().seed(None if seed is None else checked_seed(seed))
+
     def _lanes(self, indices: VecEnvIndices) -> list[Lane]:
-        return [Lane(self.env, range(self.num_envs)[i]) for i in self._get_indices(indices)]
+        lanes = range(self.num_envs)
+        given: Any = lanes if indices is None else indices if isinstance(indices, Iterable) else [indices]
+        if not all(map(is_whole, given := list(given))):
+            raise TypeError(f"indices = {indices!r}: must be the number of a lane, a sequence of them, or None")
+        if not all(-len(lanes) <= lane < len(lanes) for lane in given):
+            raise IndexError(f"indices = {indices!r}: must be among {len(lanes)} lanes")
+        return [Lane(self.env, lanes[lane]) for lane in given]
 
 
 class Lane:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 import reprlib
 from collections.abc import Hashable, Sequence
@@ -13,6 +14,7 @@ import pandas as pd
 from numpy.typing import ArrayLike
 
 from sledenv.identification.fitting import Floats
+from sledenv.machine.files import check_regular
 from sledenv.machine.text_tables import check_quotes
 from sledenv.pages.columns import rebound_columns, rebound_rows, trajectory_columns
 from sledenv.simulation.bodies import Body, made_body
@@ -22,6 +24,7 @@ from sledenv.simulation.scene import State
 RECORDING: Final = "recording"  # column that tells recordings apart
 LARGEST: Final = 1e9  # of m, m/s, rad and rad/s: nothing is recorded beyond, and no square of it overflows
 _HEADER: Final = 100_000  # characters of a first line, at most
+_MOST_BYTES: Final = 2**30
 _SHOWN: Final = 12  # names of columns in a message
 _LINE: Final = "line"  # index of a table read from text: the lines of the file, which count its header and from 1
 _ROW: Final = "row"  # of any other table: its rows, counted from 0
@@ -36,6 +39,7 @@ def read_table(place: str | os.PathLike[str]) -> pd.DataFrame:
     if kind not in (".csv", ".parquet"):
         raise ValueError(f"{file}: must end in .csv or .parquet")
     try:
+        check_regular(file, _MOST_BYTES)
         return _read_csv(file) if kind == ".csv" else pd.read_parquet(file)
     except OSError as error:
         raise OSError(f"{file} cannot be read: {error.strerror or error}") from error
@@ -49,13 +53,18 @@ def _read_csv(file: Path) -> pd.DataFrame:
     with file.open("rb") as text:
         if len(text.readline(_HEADER + 1)) > _HEADER:
             raise ValueError(f"its first line has more than {_HEADER} characters: it must name the columns")
+    named = 0
     with file.open(encoding="utf-8-sig") as lines:
         for number, line in enumerate(lines, 1):
             check_quotes(line, number)
+            cells = len(next(csv.reader([line]))) if '"' in line else line.count(",") + 1
+            named = named or cells
+            if cells > named > 1:  # of which pandas would make an index
+                raise ValueError(f"line {number}: has {cells} values: must have {named}, as many as its first line")
     table = pd.read_csv(file, skip_blank_lines=False, skipinitialspace=True)
-    named = pd.read_csv(file, header=None, nrows=1, dtype=str, skip_blank_lines=False, skipinitialspace=True)
-    if named.shape[1] == table.shape[1]:  # pandas numbers names that are there twice
-        table.columns = named.iloc[0].fillna("").str.strip()
+    header = pd.read_csv(file, header=None, nrows=1, dtype=str, skip_blank_lines=False, skipinitialspace=True)
+    if header.shape[1] == table.shape[1]:  # pandas numbers names that are there twice
+        table.columns = header.iloc[0].fillna("").str.strip()
     if str(table.columns[0]).startswith("#"):
         raise ValueError(
             f"its first line is {str(table.columns[0])!r}: must name the columns; comments are not skipped"

@@ -7,6 +7,7 @@ import errno
 import os
 import secrets
 import shutil
+import stat
 import sys
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -154,6 +155,40 @@ else:
             raise
         except OSError:  # some file systems have no locks
             pass
+
+
+def check_regular(file: Path, most: int) -> None:
+    """Check that a file ends: that it is neither a device nor a pipe nor a folder, and has at most so many bytes.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it is not there or does not; the message does not name it.
+    """
+    found = file.stat()
+    if not stat.S_ISREG(found.st_mode):
+        raise OSError("must be a regular file, no folder, device or pipe")
+    if found.st_size > most:
+        raise ValueError(f"has {found.st_size} bytes: must have at most {most}")
+
+
+def read_text(file: Path, most: int) -> str:
+    """Return the text of a file in UTF-8 of at most so many bytes, without a byte order mark.
+
+    Raises
+    ------
+    OSError, ValueError
+        As :func:`check_regular`, or if it is no such text.
+    """
+    check_regular(file, most)
+    with file.open("rb") as opened:
+        content = opened.read(most + 1)  # a file of /proc has any number of bytes, and says 0
+    if len(content) > most:
+        raise ValueError(f"must have at most {most} bytes")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError as problem:
+        raise ValueError(f"must be text in UTF-8, but byte {problem.start + 1} is not") from problem
 
 
 def write_csv(file: Path, header: Sequence[str], rows: Iterable[Sequence[object]]) -> None:

@@ -16,10 +16,12 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import CoreSchema, ErrorDetails, core_schema
 
+from sledenv.machine.files import read_text
 from sledenv.machine.shipped import CONFIGS, find_file, shipped, suggestion
 
 Pair = tuple[float, float]
 
+_MOST_BYTES: Final = 2**22  # of a file; one of 16384 vertices has a tenth of it
 _NUMBERS = {  # tags of YAML, and how they are written here
     "tag:yaml.org,2002:int": r"[-+]?(0|[1-9][0-9]*)$",
     "tag:yaml.org,2002:float": r"[-+]?((0|[1-9][0-9]*|(?=\.[0-9]))(\.[0-9]*)?([eE][-+]?[0-9]+)?|\.inf)$|\.nan$",
@@ -72,7 +74,7 @@ class Quantity:
     def number(self, value: Any) -> float:
         """Return a number of the interval as a float, or raise ValueError."""
         (low, high), (low_open, high_open) = self.ends, self._open
-        if isinstance(value, bool) or not isinstance(value, int | float | np.integer | np.floating):
+        if isinstance(value, bool | np.timedelta64) or not isinstance(value, int | float | np.integer | np.floating):
             raise ValueError(f"must be {self.allowed}")
         if not low <= value <= high or (low_open and value == low) or (high_open and value == high):
             raise ValueError(f"must be {self.allowed}")
@@ -360,7 +362,7 @@ def read_yaml(file: Path) -> Any:
         If it cannot be read.
     """
     try:
-        return yaml.load(file.read_text(encoding="utf-8"), _Loader)
+        return yaml.load(read_text(file, _MOST_BYTES), _Loader)
     except yaml.YAMLError as problem:
         raise ValueError(str(problem)) from problem
     except RecursionError:

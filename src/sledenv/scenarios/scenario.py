@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Annotated, Any, ClassVar, Final, Literal, NamedTuple, Self, get_args
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from pydantic import Field, TypeAdapter, ValidationError, model_validator
 
 from sledenv.scenarios.bodies import AnyBody, ChoiceBody
@@ -45,6 +45,7 @@ from sledenv.simulation.rules import (
     STEEPNESS,
     Rule,
     checked,
+    checked_array,
     checked_choice,
     checked_table,
     made,
@@ -78,6 +79,7 @@ class ScenarioError(ValueError):
 # Beyond it energies overflow. A state that is simulated may have more, and its descent ends as "non_finite".
 _MOST: Final = 1e150
 _MOVING: Rule = (lambda v: abs(v) <= _MOST, f"in [-{_MOST:g}, {_MOST:g}]")
+_DRAWN: Rule = (lambda v: (v >= 0.0) & (v < 1.0), "in [0, 1)")
 _HIGH: Rule = (lambda v: (v >= 0.0) & (v <= _MOST), f"in [0, {_MOST:g}] m")
 
 
@@ -305,12 +307,12 @@ class Scenario(Document):
         """How many doubles a context is drawn from: one a field, without the track where it is always 0."""
         return len(Context._fields) - (not self._is_numbered)
 
-    def contexts(self, draws: NDArray[np.float64], split: Split | None = None) -> NDArray[np.float64]:
+    def contexts(self, draws: ArrayLike, split: Split | None = None) -> NDArray[np.float64]:
         """Return the contexts at relative places ``draws`` in [0, 1) of the ranges, shape (..., 12).
 
         Parameters
         ----------
-        draws : ndarray, shape (..., 11) or (..., 12)
+        draws : array_like, shape (..., 11) or (..., 12)
             In the order of the fields. Without the last one tracks are number 0.
         split : {"train", "validation", "test"}, optional
             Take a context of this split. Whatever the draws, two splits never share a value of a field that varies,
@@ -319,11 +321,14 @@ class Scenario(Document):
 
         Raises
         ------
-        ValueError
-            For an unknown split.
+        TypeError, ValueError
+            If a draw is not in [0, 1), or for an unknown split.
         """
         low, high = self.ranges
-        places = np.zeros((*draws.shape[:-1], len(Context._fields)))
+        draws, fields = checked_array("draws", draws, _DRAWN), len(Context._fields)
+        if draws.ndim < 1 or not fields - 1 <= draws.shape[-1] <= fields:
+            raise ValueError(f"draws has shape {draws.shape}: must be (..., {fields - 1}) or (..., {fields})")
+        places = np.zeros((*draws.shape[:-1], fields))
         places[..., : draws.shape[-1]] = draws if split is None else _apart(draws, split)
         contexts = np.minimum(low + (high - low) * places, high)
         contexts[..., _SHAPE] = np.floor(len(self.all_bodies()) * places[..., _SHAPE])
@@ -487,7 +492,7 @@ class Scenario(Document):
             value = float(begins[wrong][0])
             raise ValueError(f"context.zone_begin = {value!r}: must be in {'[' if drawn else '('}{low!r}, {high!r}) m")
 
-    def draw(self, draws: NDArray[np.float64], split: Split | None = None) -> Scenes:
+    def draw(self, draws: ArrayLike, split: Split | None = None) -> Scenes:
         """Return the scenes at relative places ``draws`` in [0, 1) of the ranges: those of :meth:`contexts` there."""
         return self.scenes(self.contexts(draws, split))
 
@@ -509,8 +514,8 @@ class Scenario(Document):
 
         Raises
         ------
-        ValueError
-            If there is no such body or track.
+        TypeError, ValueError
+            If there is no such body or track, or naming an error that is not finite.
         """
         contexts = _rows_of(contexts)
         ground = (
@@ -520,7 +525,10 @@ class Scenario(Document):
         drawn = np.zeros((len(contexts), len(Context._fields) + len(NOISY)))
         drawn[:, : len(Context._fields)] = contexts
         if errors is not None:
-            drawn[:, len(Context._fields) :] = errors
+            table = checked_table("errors", errors, NOISY, (FINITE, FINITE))
+            if len(table) != len(contexts):
+                raise ValueError(f"errors has {len(table)} rows: must have {len(contexts)}, one for each context")
+            drawn[:, len(Context._fields) :] = table
         scenes = Scenes(np.zeros(len(contexts), SCENE), bodies, ground.pieces, NO_ZONES, drawn)
         rows = scenes.rows
         rows["body"] = shapes = self._shapes(contexts)
@@ -739,14 +747,16 @@ def _apart(draws: NDArray[np.float64], split: Split) -> NDArray[np.float64]:
 
 
 def _rows_of(contexts: Any) -> NDArray[np.float64]:
-    """Return contexts as an array: one as it is, the columns of a DataFrame by name."""
-    known = type(contexts) is np.ndarray
+    """Return contexts as an array: one of floats as it is, the columns of a DataFrame by name."""
+    known = type(contexts) is np.ndarray and contexts.dtype == np.float64
+    known = known and contexts.ndim == 2 and contexts.shape[1] == len(Context._fields)
     return contexts if known else checked_table("contexts", contexts, Context._fields, Context.rules)
 
 
 def _alone(context: Context, **changes: float) -> NDArray[np.float64]:
-    """Return a context as a table of one row, with some fields changed; raise TypeError if it is none."""
-    return np.array([made("context", Context, context)._replace(**changes)], np.float64)
+    """Return a context as a table of one row, with some fields changed; raise TypeError or ValueError if it is none."""
+    fields = zip(Context._fields, made("context", Context, context)._replace(**changes), Context.rules, strict=True)
+    return np.array([[checked("context", *field) for field in fields]])
 
 
 def _laid_out(content: Any) -> Any:

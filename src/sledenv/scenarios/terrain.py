@@ -11,8 +11,9 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from sledenv.machine.files import read_text
 from sledenv.machine.text_tables import check_quotes
-from sledenv.simulation.bends import height_of
+from sledenv.simulation.bends import MOST_VERTICES, height_of
 from sledenv.simulation.records import MOST_ZONES
 from sledenv.simulation.terrain import Reader, checked_section, fitted, over_plane
 
@@ -21,9 +22,12 @@ Floats = NDArray[np.float64]
 FLAT: Final = ("x_m", "y_m")  # columns of a profile: along the plane of the slope, and over it
 TERRAIN: Final = ("x_m", "z_m")  # of a section: horizontal, and over the sea
 MATERIAL: Final = "material"  # of the piece that begins in a line; optional
-_COLUMNS = f"{', '.join(FLAT)} (along the plane of the slope, and over it) or {', '.join(TERRAIN)} (horizontal, height)"
-
-
+_MOST_BYTES: Final = 2**23
+_MOST_LINES: Final = 4 * MOST_VERTICES  # of which a tolerance makes few vertices, in a minute
+_HEADER: Final = (
+    f"must name the columns, {', '.join(FLAT)} (along the plane of the slope, and over it) or {', '.join(TERRAIN)} "
+    f"(horizontal, height), and {MATERIAL} if there is one; with commas"
+)
 _COMMENT: Final = "#"
 _NUMBER: Final = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 
@@ -107,49 +111,49 @@ def read_rows(path: str) -> Rows:
     OSError, ValueError
         Naming the line, its value and what is allowed.
     """
-    lines, rows, comment = _cells(path)
-    header = rows[0] if rows else []
-    named = tuple(name for name in header if name != MATERIAL)
-    if sorted(named) not in (sorted(FLAT), sorted(TERRAIN)) or len(set(header)) < len(header):
-        first = f"line {lines[0]} = {','.join(header)!r}" if rows else "the file is empty"
-        wanted = f"must name the columns, {_COLUMNS}, and {MATERIAL} if there is one; with commas"
-        if FLAT[0] in comment:
-            wanted += f"; {comment!r} is a comment: leave out its {_COMMENT}, as numpy.savetxt(..., comments='') does"
-        raise ValueError(f"{first}: {wanted}")
-    for line, row in zip(lines[1:], rows[1:], strict=True):
-        if len(row) != len(header):
-            raise ValueError(f"line {line}: has {len(row)} values: must have {len(header)}, {', '.join(header)}")
-    if len(rows) < 3:
-        raise ValueError(f"holds {max(len(rows) - 1, 0)} vertices: must hold at least 2")
-    columns = FLAT if FLAT[1] in named else TERRAIN
-    places = [header.index(name) for name in columns]
-    points = [
-        [_number(name, row[k], line) for name, k in zip(columns, places, strict=True)]
-        for line, row in zip(lines[1:], rows[1:], strict=True)
-    ]
-    materials = tuple(row[header.index(MATERIAL)] for row in rows[1:]) if MATERIAL in header else ()
-    return Rows(columns, lines[1:], np.array(points) + 0.0, materials)
-
-
-def _cells(path: str) -> tuple[list[int], list[list[str]], str]:
-    """Return the lines of a file that hold something, their cells, and the first comment before them, or ""."""
+    text = read_text(Path(path), _MOST_BYTES)
+    if (count := text.count("\n")) > _MOST_LINES:
+        raise ValueError(f"has {count} lines: must have at most {_MOST_LINES}; leave some out, or cut the section")
+    header: list[str] = []
     lines: list[int] = []
     rows: list[list[str]] = []
-    comment = ""
-    try:
-        text = Path(path).read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError as problem:
-        raise ValueError(f"must be text in UTF-8, but byte {problem.start + 1} is not") from problem
+    comment = 0  # line of the first comment that names columns
     for number, line in enumerate(text.splitlines(), 1):
         if line.lstrip().startswith(_COMMENT):
-            comment = comment or ("" if rows else line.strip())
+            comment = comment or number * (FLAT[0] in line)
+            continue
+        cells = [cell.strip() for cell in next(csv.reader([line]), [])]
+        if not any(cells):
+            continue
+        if not header:
+            _check_header(cells, number, comment)
+            header = cells
             continue
         check_quotes(line, number)
-        cells = [cell.strip() for cell in next(csv.reader([line]), [])]
-        if any(cells):
-            lines.append(number)
-            rows.append(cells)
-    return lines, rows, comment
+        if len(cells) != len(header):
+            raise ValueError(f"line {number}: has {len(cells)} values: must have {len(header)}, {', '.join(header)}")
+        lines.append(number)
+        rows.append(cells)
+    if not header:
+        raise ValueError(f"the file is empty: {_HEADER}")
+    if len(rows) < 2:
+        raise ValueError(f"holds {len(rows)} vertices: must hold at least 2")
+    columns = FLAT if FLAT[1] in header else TERRAIN
+    places = [header.index(name) for name in columns]
+    points = [
+        [_number(name, row[k], number) for name, k in zip(columns, places, strict=True)]
+        for number, row in zip(lines, rows, strict=True)
+    ]
+    materials = tuple(row[header.index(MATERIAL)] for row in rows) if MATERIAL in header else ()
+    return Rows(columns, lines, np.array(points) + 0.0, materials)
+
+
+def _check_header(cells: list[str], number: int, comment: int) -> None:
+    """Raise ValueError unless the cells of a line name the columns, without telling them: any file may be given."""
+    named = sorted(name for name in cells if name != MATERIAL)
+    if named not in (sorted(FLAT), sorted(TERRAIN)) or len(set(cells)) < len(cells):
+        hint = f"; line {comment} is a comment: leave out its {_COMMENT}, as numpy.savetxt(..., comments='') does"
+        raise ValueError(f"line {number}: {_HEADER}{hint if comment else ''}")
 
 
 def _number(name: str, text: str, line: int) -> float:

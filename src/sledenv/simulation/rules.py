@@ -301,9 +301,14 @@ def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
     return value
 
 
+def is_whole(value: object) -> bool:
+    """Whether this is a whole number of some kind; a time of NumPy's is none."""
+    return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
+
+
 def checked_count(name: str, value: int) -> int:
     """Return a number of things, at least one, or raise TypeError or ValueError."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if not is_whole(value):
         raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
     if not 1 <= value < 2**63:
         raise ValueError(f"{name} = {reprlib.repr(value)}: must be an integer {'>= 1' if value < 1 else 'below 2**63'}")
@@ -312,7 +317,7 @@ def checked_count(name: str, value: int) -> int:
 
 def checked_seed(value: int | np.integer[Any], name: str = "seed") -> int:
     """Return a seed, an integer at or above 0, or raise TypeError or ValueError."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
+    if not is_whole(value):
         raise TypeError(f"{name} = {value!r}: must be an integer >= 0")
     if value < 0:
         raise ValueError(f"{name} = {value!r}: must be an integer >= 0")
