@@ -26,7 +26,8 @@ def observation(environment: str) -> str:
     head, line, *ride = table().splitlines()
     told = ((name, comments_of(Context)[name].partition("] ")[2]) for name in Context.seen)
     context = [
-        f"| `{name}` | {unit} | {text} | half its range |" for (name, text), unit in zip(told, Context.units, strict=True)
+        f"| `{name}` | {unit} | {text} | half its range |"
+        for (name, text), unit in zip(told, Context.units, strict=True)
     ]
     return "\n".join([head, line, *context, *(ride if environment == DESCENT_ID else ())])
 
