@@ -8,7 +8,7 @@ import reprlib
 import sys
 from collections.abc import Collection
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, Self, get_args
+from typing import Annotated, Any, ClassVar, Final, Self, get_args
 
 import numpy as np
 import yaml
