@@ -27,7 +27,8 @@ from sledenv.benchmark.problem import ENVIRONMENTS, Agent, Environment, Problem
 from sledenv.machine.blame import blaming
 from sledenv.machine.extras import folder_of
 from sledenv.machine.files import alone, check_folder, put
-from sledenv.scenarios.configuration import CONFIGS, Quantity, Section, Whole, read_yaml, write_yaml
+from sledenv.machine.shipped import CONFIGS
+from sledenv.scenarios.configuration import Quantity, Section, Whole, read_yaml, write_yaml
 from sledenv.scenarios.scenario import Scenario
 
 TRAINED: Final = folder_of("agents") / "trained"  # what ships
