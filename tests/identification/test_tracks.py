@@ -282,7 +282,7 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
 
 @pytest.mark.slow
 def test_short_contacts_are_no_rigid_ones() -> None:
-    """Contacts of half a frame, as deep as the noise: what docs/recordings.md says of them."""
+    """Oracle: docs/recordings.md on contacts of half a frame, as deep as the noise."""
     law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
     one = Drop(segment(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
     table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")

@@ -252,7 +252,7 @@ class Fit:
         Of all parameters, fixed ones included.
     cost : float
     starts : DataFrame
-        One row a start, the best first: ``start_NAME`` and ``end_NAME`` of each fitted parameter, ``cost`` at the end
+        One row per start, the best first: ``start_NAME`` and ``end_NAME`` of each fitted parameter, ``cost`` at the end
         and ``converged``.
     """
 
