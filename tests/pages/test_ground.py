@@ -122,19 +122,6 @@ def test_vertices_are_added_and_removed_in_the_picture(page: Browser) -> None:
     page.double_click(place_of(page, *moved))
     wait_until(page, "!asking && verticesOf().length === 12")
     assert_same(page, opening_descent())
-
-
-@needs_chromium
-@pytest.mark.jit_only
-def test_bumps_are_set(page: Browser) -> None:
-    """Oracle: ``simulate`` over bumps of this shape, as many as end before the finish."""
-    for name, value in {"bump_height": 0.2, "bump_face": 2.0, "bump_top": 0.0, "bump_gap": 2.5}.items():
-        put(page, name, value)
-    ground = [(x + 6.5 * k, y) for k in range(3) for x, y in ((2.5, 0.0), (4.5, 0.2), (6.5, 0.0))]
-    assert vertices(page) == ground
-    assert_simulated(page, ground)
-    put(page, "bump_gap", -8.0)
-    assert "from one to the next = -8: must be a number from 0.5 to 20 m" in problem(page)
     page.click("#flat")
     wait_until(page, "!asking && verticesOf().length === 0")
     assert_simulated(page, [])
@@ -212,7 +199,7 @@ def test_a_body_with_sharp_corners_needs_round_tops_and_rigid_surfaces_a_plane(
     assert problem(chromium) == ""
     page = replay_page(simulate(body, law, plane, launch, record="trajectory", solver="rigid"), "rigid")
     visit(chromium, written(tmp_path, page))
-    assert not chromium.run("return document.querySelector('[data-grab=ground], #flat, #number-bump_height')")
+    assert not chromium.run("return document.querySelector('[data-grab=ground], #flat, #number-rounding')")
     visit(chromium, written(tmp_path, page), bumpy)
     assert "surfaces are rigid: must be compliant over bumps" in problem(chromium)
 

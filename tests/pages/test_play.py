@@ -23,7 +23,7 @@ from sledenv.scenarios.configuration import CONFIGS
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
+from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
@@ -135,7 +135,6 @@ def test_lines_of_python_spell_a_body_that_has_no_name(chromium: Browser, tmp_pa
 @pytest.mark.jit_only
 def test_what_is_typed_is_simulated_and_a_link_keeps_it(page: Browser, file: Path) -> None:
     """Oracle: ``simulate`` with a body, a law, a slope and a launch of these numbers."""
-    page.click("[data-remove]")  # the zone of the scenario
     put(page, "body", "1")
     typed = {
         **{"orientation": 12.5, "spin": -1.25, "speed": 9.0, "fall": 0.5, "drop": 0.4, "angle": 9.0, "length": 15.0},
@@ -151,7 +150,8 @@ def test_what_is_typed_is_simulated_and_a_link_keeps_it(page: Browser, file: Pat
     phi = 12.5 * DEGREE
     launch = State(0.0, 0.4 + support_height(body, phi), phi, 9.0, -0.5, -1.25)
     settings = load_scenario("sled_snow").settings()
-    descent = simulate(body, law, Slope(9.0 * DEGREE, 15.0), launch, settings, record="trajectory")
+    zones = in_python(*drawn("sled_snow")).slope.zones
+    descent = simulate(body, law, Slope(9.0 * DEGREE, 15.0, zones=zones), launch, settings, record="trajectory")
     assert_same(page, descent)
     address, chosen = page.run("return [address(), JSON.stringify(chosen)]")
     wait_until(page, "location.hash === '#' + address()")
@@ -175,32 +175,6 @@ def test_a_slider_sets_its_number(page: Browser) -> None:
     assert friction == page.run("return shown.scene.law.friction") > drawn("sled_snow")[1].friction
 
 
-@needs_chromium
-@pytest.mark.jit_only
-def test_zones_are_simulated_and_wrong_ones_named(page: Browser, file: Path) -> None:
-    """Oracle: ``simulate`` with the same zones."""
-    scenario, context = drawn("sled_snow")
-    body, law, slope, launch = scenario.given(context)
-    page.click("[data-remove]")
-    wait_until(page, "!asking && shown.scene.slope.zones.length === 0")
-    page.click("#add")
-    wait_until(page, "!asking && shown.scene.slope.zones.length === 1")
-    (given,) = page.run("return shown.scene.slope.zones.map(zone => ZONE.map(name => String(zone[name])))")
-    zone = Zone(*map(float, given))
-    assert zone.friction > law.friction
-    assert zone.end == math.inf
-    zoned = simulate(body, law, slope._replace(zones=[zone]), launch, scenario.settings(), record="trajectory")
-    assert_same(page, zoned)
-    visit(page, file, page.run("return address()"))
-    assert_same(page, zoned)
-    page.run(
-        "const [end] = document.querySelectorAll('[data-field=end]'); end.value = 1;"
-        "end.dispatchEvent(new Event('input', { bubbles: true }))"
-    )
-    wait_until(page, "!asking")
-    assert "must end behind its begin" in problem(page)
-
-
 WRONG: Final = [
     {
         "speed=99": "speed along the slope = 99: must be a number from 0 to 20 m/s",
@@ -209,12 +183,9 @@ WRONG: Final = [
         "%zz=%3Cb%3E": "%zz: there is no such parameter",
         "body=banana": "body = banana: must be one of body of sled_snow",
         "context=none": "context = none: must be one of drawn",
-        "zones=5,2,.1,0,0": "zone 1 ends at 2 m: must end behind its begin, 5 m",
+        "length=2": "length = 2: must be above 4.",
     },
-    {
-        "speed=": "speed along the slope = : must be a number from 0 to 20 m/s",
-        "zones=what": "zone 1: must have a begin and a friction",
-    },
+    {"speed=": "speed along the slope = : must be a number from 0 to 20 m/s"},
 ]
 
 

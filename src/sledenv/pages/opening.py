@@ -5,8 +5,7 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from sledenv.pages.play import given_values, page_content, simulating_page, told_setting
-from sledenv.scenarios.sections import BOTH
+from sledenv.pages.play import given_values, simulating_page, told_setting
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings
@@ -41,16 +40,8 @@ def opening_page() -> str:
     """Return the page that simulates, opened at the ride."""
     descent = opening_descent()
     given = descent.body, descent.law, descent.slope, descent.launch
-    bumps = {"bump_height": _HEIGHT, "bump_face": _FACE, "bump_top": _TOP, "bump_gap": _GAP}
-    context = told_setting("the ride", 0, given_values(*given) | bumps, *given[1:])
+    context = told_setting("the ride", 0, given_values(*given), *given[1:])
     assert descent.settings is not None
     return simulating_page(
-        page_content([context], [], descent.law, descent.slope, descent.settings),
-        title=_TITLE,
-        question=_QUESTION,
-        own=0,
-        axes=BOTH,
-        free=BOTH,
-        bounds={},
-        maps=False,
+        [context], [], descent.law, descent.slope, descent.settings, title=_TITLE, question=_QUESTION
     )

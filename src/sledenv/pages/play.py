@@ -21,7 +21,7 @@ from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.checks import has_sharp_corner
 from sledenv.simulation.jam import SHOWN
-from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, MOST_ZONES, Mode
+from sledenv.simulation.records import CONTACT_LOSSES, FLIGHT_LOSSES, Mode
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.settings import Settings, Solver
 from sledenv.simulation.shapes import disc, polygon
@@ -65,10 +65,6 @@ _PARAMETERS: Final = (
     _Parameter("drop", "launch", "height above it", "m", 0.0, 3.0, 0.01),
     _Parameter("angle", "slope", "angle", "°", -10.0, 50.0, 0.1, _DEGREE),
     _Parameter("length", "slope", "length", "m", 1.0, 60.0, 0.5),
-    _Parameter("bump_height", "ground", "height of bumps", "m", 0.0, 1.5, 0.01),
-    _Parameter("bump_face", "ground", "length of a face", "m", 0.5, 10.0, 0.05),
-    _Parameter("bump_top", "ground", "length of a top", "m", 0.0, 10.0, 0.05),
-    _Parameter("bump_gap", "ground", "from one to the next", "m", 0.5, 20.0, 0.05),
     _Parameter("rounding", "ground", "rounding of all vertices", "m", 0.0, math.inf, 0.05),
     _Parameter("friction", "surface", "friction", "", 0.0, 1.5, 0.005),
     _Parameter("restitution", "surface", "restitution", "", 0.01, 1.0, 0.01),
@@ -145,42 +141,48 @@ def play_page(
     own = _own_bodies(scenario)
     _, law, slope, _ = scenario.given(first)
     return simulating_page(
-        page_content(told, own, law, slope, scenario.settings(solver)),
+        told,
+        own,
+        law,
+        slope,
+        scenario.settings(solver),
         title=scenario.title,
         question=scenario.question,
         own=len(own),
         axes=axes,
         free=[axis for axis in axes if axis in free],
         bounds=scenario.control_bounds,
+        maps=True,
     )
 
 
-def simulating_page(content: dict[str, Any], **named: Any) -> str:
-    """Return the page of some content: that of :func:`page_content`, and what else the template names."""
-    plain: dict[str, Any] = {"ghost": None, "recorded": None, "notes": [], "maps": True}
-    return filled("play.html", data=content | plain | named)
-
-
-def page_content(
-    contexts: list[dict[str, Any]], own: list[NamedBody], law: ContactLaw, slope: Slope, settings: Settings
-) -> dict[str, Any]:
-    """Return what a page that simulates holds.
+def simulating_page(
+    contexts: list[dict[str, Any]],
+    bodies: list[NamedBody],
+    law: ContactLaw,
+    slope: Slope,
+    settings: Settings,
+    **told: Any,
+) -> str:
+    """Return a page that simulates.
 
     Parameters
     ----------
     contexts : list of dict
         Of :func:`told_setting`.
-    own : list of NamedBody
-        The first bodies to choose.
+    bodies : list of NamedBody
+        The first ones to choose.
     law, slope, settings
         Of the first context.
+    **told
+        What else the page is told: its title and question, what differs from a page of one descent.
     """
-    ready = [*own, *(NamedBody(name, python, make()) for name, python, make in _READY)]
-    bodies = [_body(law, slope, settings, one) for one in ready]
-    parameters = [one._asdict() for one in _widened([one["values"] for one in contexts], bodies)]
+    ready = [*bodies, *(NamedBody(name, python, make()) for name, python, make in _READY)]
+    choices = [_body(law, slope, settings, one) for one in ready]
+    parameters = [one._asdict() for one in _widened([one["values"] for one in contexts], choices)]
     ground = {"most": MOST_VERTICES, "steepest": math.tan(STEEPEST)}
-    exact = {"contexts": contexts, "bodies": bodies, "parameters": parameters, "ground": ground}
-    return {
+    exact = {"contexts": contexts, "bodies": choices, "parameters": parameters, "ground": ground}
+    content = {
         "solver": settings.solver,
         "exact": exact_text(exact),
         "drawn": [drawn_body(one.body) for one in ready],
@@ -191,9 +193,11 @@ def page_content(
         "header": [name for name in REBOUND_HEADER if name not in ("grip", "loss")],
         "hold": HOLD,
         "hard": HARD,
-        "most_zones": MOST_ZONES,
         "kernel": packed_kernel(),
+        **{"ghost": None, "recorded": None, "notes": [], "maps": False},
+        **{"own": 0, "axes": BOTH, "free": BOTH, "bounds": {}},
     }
+    return filled("play.html", data=content | told)
 
 
 def exact_text(content: dict[str, Any]) -> str:
@@ -289,14 +293,12 @@ def given_values(body: Body, law: ContactLaw, slope: Slope, launch: State) -> di
 def _ground_values(law: ContactLaw, slope: Slope) -> dict[str, float]:
     """Return what the sliders show but for launch and body, in SI units.
 
-    A ground of its own has no height of bumps; one whose vertices have several radii has no rounding of all.
+    A ground whose vertices have several radii has no rounding of all.
     """
     radii = set(slope.rounding or (0.0,))
     return {
         "angle": slope.angle,
         "length": slope.length,
-        "bump_height": math.nan if slope.profile else 0.0,
-        **{"bump_face": 2.0, "bump_top": 0.5, "bump_gap": 4.0},
         "rounding": radii.pop() if len(radii) == 1 else math.nan,
         "friction": law.friction,
         "restitution": law.restitution,

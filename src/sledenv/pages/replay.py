@@ -9,8 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sledenv.machine.files import replacing
-from sledenv.pages.play import NamedBody, exact_text, given_values, page_content, simulating_page, told_setting
-from sledenv.scenarios.sections import BOTH
+from sledenv.pages.play import NamedBody, exact_text, given_values, simulating_page, told_setting
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import State
@@ -68,14 +67,13 @@ def replay_page(descent: Descent, title: str, ghost: Ghost | None = None) -> str
     context = told_setting("as given", 0, given_values(*given), *given[1:])
     body = NamedBody("body as given", descent.body.typed(), descent.body)
     return simulating_page(
-        page_content([context], [body], descent.law, descent.slope, settings),
+        [context],
+        [body],
+        descent.law,
+        descent.slope,
+        settings,
         title=title,
         question=setting(*given),
-        own=0,
-        axes=BOTH,
-        free=BOTH,
-        bounds={},
-        maps=False,
         ghost=None if ghost is None else ghost._asdict(),
         recorded=recorded,
         notes=([_AS_RECORDED] if recorded else []) + ([_GHOST] if ghost else []),

@@ -1,17 +1,15 @@
 "use strict";
 /* The ground: its vertices [x, y, radius] in m, heights over the plane of the slope and with which arcs they are rounded,
-   which can be dragged, added and removed, or follow from the sliders of bumps; what is wrong with them. */
-const BUMPS = ["bump_height", "bump_face", "bump_top", "bump_gap"];
+   which can be dragged, added and removed; what is wrong with them. */
 const STRAIGHT = 1e-12; // turn of a vertex that is none
 const GRIP = 12; // [px] around a vertex
 const APART = 0.1; // [m] between two vertices at least, where one is dragged
 
 for (const one of E.contexts) one.vertices = one.slope.profile.map(([x, y], k) => [x, y, one.slope.rounding[k] ?? 0]);
 
-/* All vertices, those without a turn too: set by hand, of bumps, or as the page began. */
+/* All vertices, those without a turn too: set by hand, or as the page began. */
 function verticesOf() {
-  const allowed = BUMPS.every((name) => !problemOf(name, shownOf(name)));
-  const found = chosen.profile ?? (BUMPS.some(isChanged) && allowed ? bumps() : here().vertices);
+  const found = chosen.profile ?? here().vertices;
   return isChanged("rounding") ? found.map(([x, y]) => [x, y, radiusOfAll()]) : found;
 }
 
@@ -25,23 +23,6 @@ function groundOf() {
 
 /* Its line; where numbers are wrong, as the page began. */
 const groundLine = () => lineOf(own.pieces(problemOfVertices(verticesOf()) ? here().slope : groundOf()), bodyOf().size);
-
-/* Bumps of one shape, of numbers that are in their ranges, as many as there is room for before the finish. */
-function bumps() {
-  const [height, face, top, gap] = BUMPS.map(valueOf);
-  const end = Math.min(valueOf("length"), 200);
-  const wide = 2 * face + top;
-  const found = [];
-  if (height === 0) return found;
-  for (let x = gap; x + wide <= end; x += wide + gap)
-    found.push([x, 0], [x + face, height], ...(top > 0 ? [[x + face + top, height]] : []), [x + wide, 0]);
-  return found.map((vertex) => [...vertex, radiusOfAll()]);
-}
-
-function setVertices(vertices) {
-  chosen.profile = vertices;
-  for (const name of BUMPS) delete chosen.changed[name];
-}
 
 /* Slope of the ground between two vertices, level where one is missing. */
 const slopeOf = (from, to) => (from && to ? (to[1] - from[1]) / (to[0] - from[0]) : 0);
@@ -143,7 +124,7 @@ function moveVertex(k, [x, y, radius]) {
     height = clamp(height, beside[1] - most, beside[1] + most);
   }
   const moved = vertices.with(k, [place, height, radius]);
-  if (!problemOfVertices(moved)) setVertices(moved);
+  if (!problemOfVertices(moved)) chosen.profile = moved;
 }
 
 /* Vertices with one more on the ground. On a plane it has two beside it, which hold the ground level. */
@@ -164,7 +145,7 @@ const canSet = () => shown && position === 0 && !D.recorded;
 /* A click adds a vertex, unless it is the end of a drag. */
 $("scene").addEventListener("click", (event) => {
   if (!canSet() || dropped || !event.target.closest("[data-grab=ground]")) return;
-  setVertices(added(placeOf(event, $("scene").getBoundingClientRect())[0]));
+  chosen.profile = added(placeOf(event, $("scene").getBoundingClientRect())[0]);
   changed();
 });
 /* A vertex that is pressed twice goes. There is no double click: each press draws the ground anew. */
@@ -174,7 +155,7 @@ function removeIfTwice(vertex, at) {
   const twice = vertex === pressed.vertex && at - pressed.at < 400;
   pressed = { vertex: twice ? null : vertex, at };
   if (!twice) return false;
-  setVertices(removed(vertex));
+  chosen.profile = removed(vertex);
   changed();
   return true;
 }

@@ -3,16 +3,13 @@
 const D = JSON.parse($("data").textContent);
 const E = parsed(D.exact); // numbers with all digits
 const PARAMETERS = Object.fromEntries(E.parameters.map((one) => [one.name, one]));
-const ZONE = ["begin", "end", "friction", "rolling_arm", "corner_rolling_arm"];
-const OWN = ["restitution", "stiffness"]; // which a zone may have
 
-/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are zones and
+/* Numbers in `changed` are in the units that a reader sees; what is not in it is as the page began, and so are
    vertices of the ground that are null. */
-const start = (context) => ({ context, body: E.contexts[context].body, changed: {}, zones: null, profile: null });
+const start = (context) => ({ context, body: E.contexts[context].body, changed: {}, profile: null });
 let chosen = start(0);
 
 const here = () => E.contexts[chosen.context];
-const zonesOf = () => chosen.zones ?? here().slope.zones;
 const bodyOf = () => E.bodies[chosen.body];
 
 /* In SI units, as the page began. */
@@ -39,36 +36,18 @@ function problemOf(name, value) {
   return `${label} = ${Number.isNaN(value) ? "nothing" : value}: must be a number from ${rangeOf(PARAMETERS[name])}`;
 }
 
-function problemOfZones(zones, length) {
-  if (zones.length > D.most_zones) return `${zones.length} zones: there may be at most ${D.most_zones}`;
-  let reached = -Infinity;
-  for (const [k, zone] of zones.entries()) {
-    const name = `zone ${k + 1}`;
-    if (ZONE.some((field) => Number.isNaN(zone[field]))) return `${name}: must have a begin and a friction`;
-    if (zone.begin < 0) return `${name} begins at ${zone.begin} m: must begin at 0 m or later`;
-    if (zone.begin < reached) return `${name} begins at ${zone.begin} m: the one before ends at ${reached} m`;
-    if (zone.begin >= length) return `${name} begins at ${zone.begin} m: the slope ends at ${length} m`;
-    if (zone.end <= zone.begin) return `${name} ends at ${zone.end} m: must end behind its begin, ${zone.begin} m`;
-    if (zone.end > length && zone.end < Infinity)
-      return `${name} ends at ${zone.end} m: must end at ${length} m, the end of the slope, or have no end`;
-    for (const field of chosen.zones ? ZONE.slice(2) : [])
-      if (!(zone[field] >= 0 && zone[field] <= 2)) return `${name}, ${field} = ${zone[field]}: must be from 0 to 2`;
-    if (zone.restitution !== undefined && !(zone.restitution > 0 && zone.restitution <= 1))
-      return `${name}, restitution = ${zone.restitution}: must be above 0 and at most 1`;
-    if (zone.stiffness !== undefined && !(zone.stiffness > 0 && zone.stiffness < Infinity))
-      return `${name}, stiffness = ${zone.stiffness}: must be above 0`;
-    reached = zone.end;
-  }
-  return "";
-}
-
 function problem() {
   for (const [name, value] of Object.entries(chosen.changed)) {
     const found = problemOf(name, value);
     if (found) return found;
   }
-  return problemOfZones(zonesOf(), valueOf("length")) || problemOfGround();
+  const late = here().slope.zones.find(({ begin }) => begin >= valueOf("length"));
+  return late ? `length = ${valueOf("length")}: must be above ${late.begin} m, where a zone begins` : problemOfGround();
 }
+
+/* Zones as the page began; none ends behind the end of the slope. */
+const zonesWithin = (length) =>
+  here().slope.zones.map((zone) => (zone.end > length ? { ...zone, end: Infinity } : zone));
 
 /* What the kernel takes. */
 function sceneOf() {
@@ -84,7 +63,7 @@ function sceneOf() {
   for (const name of ["friction", "rolling_arm", "corner_rolling_arm"]) law[name] = valueOf(name);
   const { gravity, air_density } = here().slope;
   const own = { angle: valueOf("angle"), length: valueOf("length"), gravity, air_density };
-  const slope = { ...own, zones: zonesOf(), ...groundOf() };
+  const slope = { ...own, zones: zonesWithin(own.length), ...groundOf() };
   if (D.solver === "rigid") law.settle_speed = settle;
   return { body: { ...given, mass, inertia }, law, slope, limits, solver: D.solver, x: here().launch.x };
 }
@@ -99,32 +78,13 @@ function givenLaunch() {
 }
 
 /* The address. */
-const zoneText = (zone) =>
-  (OWN.some((name) => zone[name] !== undefined) ? [...ZONE, ...OWN] : ZONE)
-    .map((name) => (zone[name] === Infinity ? "" : zone[name]))
-    .join(",");
-
 function address() {
   const parts = new URLSearchParams();
   if (chosen.context) parts.set("context", here().name);
   if (chosen.body !== here().body) parts.set("body", bodyOf().name);
   for (const name in PARAMETERS) if (isChanged(name)) parts.set(name, chosen.changed[name]);
-  if (chosen.zones) parts.set("zones", chosen.zones.map(zoneText).join(";"));
   if (chosen.profile) parts.set("profile", vertexText(chosen.profile));
   return parts.toString();
-}
-
-function readZones(text) {
-  return text
-    .split(";")
-    .filter((one) => one !== "")
-    .map((one) => {
-      const numbers = one.split(",").map((part, i) => (part === "" ? (i === 1 ? Infinity : NaN) : Number(part)));
-      const own = OWN.map((name, i) => [name, numbers[ZONE.length + i]]).filter(
-        ([, value]) => value !== undefined && !Number.isNaN(value),
-      );
-      return Object.fromEntries([...ZONE.map((name, i) => [name, numbers[i] ?? NaN]), ...own]);
-    });
 }
 
 /* Take what an address holds; returns what is wrong with it, and is left out. */
@@ -142,8 +102,7 @@ function readAddress(text) {
   chosen = start(placeIn(E.contexts, "context", 0));
   chosen.body = placeIn(E.bodies, "body", chosen.body);
   for (const [name, value] of asked) {
-    if (name === "zones") chosen.zones = readZones(value);
-    else if (name === "profile") chosen.profile = readVertices(value);
+    if (name === "profile") chosen.profile = readVertices(value);
     else if (Object.hasOwn(PARAMETERS, name)) {
       const number = value.trim() === "" ? NaN : Number(value);
       const found = problemOf(name, number);
@@ -151,18 +110,10 @@ function readAddress(text) {
       else chosen.changed[name] = number;
     } else wrong.push(`${name}: there is no such parameter`);
   }
-  const wrongZones = problemOfZones(zonesOf(), valueOf("length"));
-  if (wrongZones) {
-    wrong.push(wrongZones);
-    chosen.zones = null;
-    if (problemOfZones(zonesOf(), valueOf("length"))) delete chosen.changed.length;
-  }
-  const wrongGround = problemOfGround();
-  if (wrongGround) {
-    wrong.push(wrongGround);
-    setVertices(null);
-    delete chosen.changed.rounding;
-    if (problemOfGround()) chosen.body = here().body;
+  const found = problem();
+  if (found) {
+    wrong.push(found);
+    chosen = start(chosen.context);
   }
   return wrong;
 }

@@ -2,7 +2,7 @@
 /* The reward that is expected of every launch of a grid under the launch noise, computed by workers. */
 const CELLS = 50; // along each axis
 const CHUNK = 40; // launches that a worker is asked for at once
-const DRAWS = 64; // of a noisy hand
+const DRAWS = 64; // of the launch noise
 const HALVINGS = 3;
 const AXES = D.axes;
 const NOISY = ["orientation", "spin"];
@@ -265,7 +265,7 @@ const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
 /* Marks are of the context as the page began, whatever launch is chosen. */
 function marksShown() {
   const same = Object.keys(chosen.changed).every((name) => ["orientation", "spin", "speed"].includes(name));
-  const plain = same && !chosen.zones && !chosen.profile && chosen.body === here().body;
+  const plain = same && !chosen.profile && chosen.body === here().body;
   return plain ? here().marks : [];
 }
 

@@ -1,19 +1,14 @@
 "use strict";
-/* Sliders and numbers, a pair for each parameter; zones. */
+/* Sliders and numbers, a pair for each parameter. */
 const GROUPS = {
   launch: "Launch",
-  ground: "Bumps",
+  ground: "Ground",
   surface: "Surface",
   slope: "Slope",
   body: "Body",
-  hand: "Errors of a noisy hand (standard deviations)",
+  hand: "Launch noise (standard deviations)",
 };
-const BELOW = {
-  slope: '<div id="zones"></div><button id="add" type="button">Add a zone with other friction</button>',
-  ground:
-    '<p class="hint">Bends have this radius, or a smaller one where the pieces beside them are too short.</p>' +
-    '<button id="flat" type="button">Flat ground</button>',
-};
+const FLAT = '<button id="flat" type="button">Flat ground</button>';
 const HIGHEST = 1000; // of a slider whose steps are factors
 const SLID = 10; // by a slider of what has no upper end
 
@@ -34,23 +29,13 @@ function rowOf(one) {
   );
 }
 
-function zoneRow(zone, k) {
-  const field = (name, label) =>
-    `<label>${label}<input type="number" min="0" step="any" data-zone="${k}" data-field="${name}" ` +
-    `value="${zone[name] === Infinity || Number.isNaN(zone[name]) ? "" : zone[name]}"></label>`;
-  return (
-    `<div class="zone">${field("begin", "from [m]")}${field("end", "to [m]")}${field("friction", "friction")}` +
-    `<button type="button" data-remove="${k}" aria-label="remove zone ${k + 1}">×</button></div>`
-  );
-}
-
 function buildPanel() {
   $("groups").innerHTML = Object.entries(GROUPS)
     .filter(([group]) => group !== "ground" || canHaveBumps())
     .map(([group, title], i) => {
       const rows = E.parameters.filter((one) => one.group === group).map(rowOf);
       const open = i === 0 || window.innerWidth > 860;
-      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${BELOW[group] ?? ""}</details>`;
+      return `<details ${open ? "open" : ""}><summary>${title}</summary>${rows.join("")}${group === "ground" ? FLAT : ""}</details>`;
     })
     .join("");
   $("contexts").hidden = E.contexts.length < 2;
@@ -66,9 +51,7 @@ function fillPanel() {
   if (grabbed) return;
   $("chosen-context").value = chosen.context;
   $("chosen-body").value = chosen.body;
-  if (!$("zones").contains(document.activeElement)) $("zones").innerHTML = zonesOf().map(zoneRow).join("");
   if (canHaveBumps()) $("flat").disabled = !verticesOf().length;
-  $("add").disabled = zonesOf().length >= D.most_zones;
 }
 
 function fillRows(names) {
@@ -85,42 +68,23 @@ function fillRows(names) {
   }
 }
 
-function addZone() {
-  const zones = [...zonesOf()];
-  const length = valueOf("length");
-  const last = zones[zones.length - 1];
-  if (last && last.end > length - 0.1)
-    zones[zones.length - 1] = { ...last, end: rounded(0.5 * (last.begin + length), 0.1) };
-  const begin = zones.length ? zones[zones.length - 1].end : rounded(0.5 * length, 0.1);
-  const rough = Math.min(2, rounded(valueOf("friction") + 0.3, 0.01));
-  const arms = { rolling_arm: valueOf("rolling_arm"), corner_rolling_arm: valueOf("corner_rolling_arm") };
-  chosen.zones = [...zones, { begin, end: Infinity, friction: rough, ...arms }];
-}
-
 function onInput({ target }) {
-  const { slider, number: name, zone, field } = target.dataset;
+  const { slider, number: name } = target.dataset;
   const typed = target.value.trim() === "" ? NaN : Number(target.value);
   if (slider) chosen.changed[slider] = fromSlider(PARAMETERS[slider], typed);
   else if (name) chosen.changed[name] = typed;
-  else if (zone) {
-    const value = field === "end" && target.value.trim() === "" ? Infinity : typed;
-    chosen.zones = zonesOf().map((one, k) => (k === Number(zone) ? { ...one, [field]: value } : one));
-  } else if (target.id === "chosen-context") chosen = start(Number(target.value));
+  else if (target.id === "chosen-context") chosen = start(Number(target.value));
   else if (target.id === "chosen-body") {
     chosen.body = Number(target.value);
     for (const own of ["mass", "gyration"]) delete chosen.changed[own];
   } else return;
-  if (BUMPS.includes(slider ?? name)) chosen.profile = null;
   changed();
 }
 
 function onPress({ target }) {
-  if (target.id === "add") addZone();
-  else if (target.id === "reset") chosen = start(chosen.context);
-  else if (target.dataset.remove) chosen.zones = zonesOf().filter((_, k) => k !== Number(target.dataset.remove));
-  else if (target.id === "flat") setVertices([]);
+  if (target.id === "reset") chosen = start(chosen.context);
+  else if (target.id === "flat") chosen.profile = [];
   else return;
-  target.blur(); // so that the zones are shown anew
   changed();
 }
 
