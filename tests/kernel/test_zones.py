@@ -1,4 +1,4 @@
-"""Zones of a slope: against tests/outline_oracle.py, closed forms, the mirror image, the ledger and Euler's method."""
+"""Zones of a slope: against tests/outline_oracle.py, closed forms, the mirror image and the ledger."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import sledenv
-from sledenv.reproduce.euler import euler_descent
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.support import support_height
 from tests import outline_oracle as oracle
@@ -300,26 +299,7 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -
         same_bits(one.rebounds, other.rebounds)
 
 
-# --- ledger, Euler ---------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("name", ["disc", "segment", "polygon"])
-def test_explicit_euler_converges_over_zones_at_first_order(name: str) -> None:
-    """Oracle: the event-driven solver, for a contact in which a point passes through a zone."""
-    body, steps = BODIES[name], 8e-6 * 0.5 ** np.arange(5)
-    law, launch, slope = SNOW._replace(stiffness=2e3 * body.mass), dropped(body, 0.1, 5.0, 2.0), sledenv.Slope(0.1)
-    whole = sledenv.simulate(body, law, slope, launch, max_rebounds=1)
-    free, (first, last) = whole.rebounds[0], sorted(touched(body, whole)[0].tolist())
-    zone = sledenv.Zone(0.7 * first + 0.3 * last, 0.3 * first + 0.7 * last, 0.6, 0.03, 0.02)
-    given = body, law, slope._replace(zones=[zone]), launch
-    options = {"max_time": float(free["t"]) + 0.01}
-    exact = sledenv.simulate(*given, **options)
-    assert abs(exact.state.omega - free["omega_after"]) > 1e-2
-    runs = [euler_descent(*given, **options, step=float(dt)) for dt in steps]
-    errors = [math.dist(run.state, exact.state) for run in runs]
-    assert float(np.polyfit(np.log(steps), np.log(errors), 1)[0]) == pytest.approx(1.0, abs=0.15)
-    assert errors[-1] < 1e-3
+# --- ledger ----------------------------------------------------------------------------------------------------------
 
 
 # --- boundaries, whatever way places are rounded ----------------------------------------------------------------------
