@@ -23,6 +23,7 @@ from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation.sensitivity import sensitivity
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.simulate import simulate
+from sledenv.simulation.words import rounded
 from tests.browser import data_of
 from tests.own_scenarios import own_scenario
 
@@ -55,10 +56,10 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
     out = printed(capsys, "simulate", "paper_impact")
     assert "paper_impact, seed 0, solver compliant" in out
     assert "0.00 ->  1.49 -10.00 ->  4.93    0.00 -> -38.41  1.00" in out
-    assert "status     timeout after 0.0400 s" in out
+    assert "status     timeout after 0.04000 s" in out
     ledger = dict(line.split() for line in out.splitlines() if line.startswith("  ") and len(line.split()) == 2)
-    assert ledger["kinetic"] == "18.806301"
-    assert ledger["hysteresis"] == "29.862748"
+    assert ledger["kinetic"] == "18.81"
+    assert ledger["hysteresis"] == "29.86"
     assert abs(float(ledger["residual"])) < 1e-12
     assert max(map(len, out.splitlines())) <= 120
     assert "at the line" not in out
@@ -70,7 +71,7 @@ def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.Cap
     scenario = load_scenario("sled_snow")
     descent = simulate(*scenario.given(scenario.sample(np.random.default_rng(3))), scenario.settings())
     assert descent.at_line is not None
-    assert f", all at the line, after {descent.at_line[0]:.4f} s\n" in out
+    assert f", all at the line, after {rounded(descent.at_line[0])} s\n" in out
     assert descent.at_line[0] < descent.time
 
 

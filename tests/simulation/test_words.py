@@ -12,7 +12,7 @@ from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
-from sledenv.simulation.words import rebound_cells, setting, story
+from sledenv.simulation.words import rebound_cells, rounded, setting, story
 from tests.bodies import DISC, HILL, ICE, SLED, run
 from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
 
@@ -71,10 +71,10 @@ def test_a_story_tells_on_what_the_body_lay() -> None:
     """Oracle: a rod slides to the end on its side, the shipped segment on its chord."""
     flat = descent_of("line", "compliant")
     assert flat.on_chord is not None
-    assert f"side       first lay on one, settled, after {flat.on_chord[0]:.4f} s" in story(flat)
+    assert f"side       first lay on one, settled, after {rounded(flat.on_chord[0])} s" in story(flat)
     segments = run(SLED, ICE, HILL, (0.0, 0.0, 3.14159, 1.0, 0.0, 0.0))
     assert segments.on_chord is not None
-    assert f"chord      first lay on it, settled, after {segments.on_chord[0]:.4f} s" in story(segments)
+    assert f"chord      first lay on it, settled, after {rounded(segments.on_chord[0])} s" in story(segments)
 
 
 def test_a_story_tells_of_a_surface_so_soft_that_a_body_sinks_in() -> None:
@@ -83,7 +83,7 @@ def test_a_story_tells_of_a_surface_so_soft_that_a_body_sinks_in() -> None:
         law = ContactLaw.from_restitution(0.5, stiffness=stiffness, friction=0.2, rolling_arm=0.001)
         descent = run(DISC, law, HILL, (0.0, 1.0, 0.0, 2.0))
         depth = descent.rebounds["peak_penetration"].max()
-        words = f"depth      pressed in by {depth:.4f} m, {depth / DISC.size:.2g} times the size of the body"
+        words = f"depth      pressed in by {depth:.4g} m, {depth / DISC.size:.2g} times the size of the body"
         assert (words in story(descent)) == told
         assert ("depth" in story(descent)) == told
 

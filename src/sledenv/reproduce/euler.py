@@ -42,6 +42,9 @@ class _Given(NamedTuple):
 
     stiffness: float  # [N/m]
     asymmetry: float  # [-]
+    friction: float  # [-]
+    arc_arm: float  # [m] rolling arms of arcs
+    corner_arm: float  # [m] and of corners
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
     length: float  # [m] where the descent finishes
@@ -125,13 +128,14 @@ def euler_descent(
     law = made("law", ContactLaw, law)
     checked_given = checked_descent(body, law, slope, launch, settings)
     body, slope, launch = checked_given.body, checked_given.slope, checked_given.launch
-    if slope.profile:
-        raise ValueError("slope.profile: Euler's method follows a plane alone")
-    if any(zone.restitution is not None or zone.stiffness is not None for zone in slope.zones):
-        raise ValueError("slope.zones: Euler's method takes restitution and stiffness of the contact law alone")
+    if slope.profile or slope.zones:
+        raise ValueError("slope: must be without profile and zones, Euler's method follows a plane of one surface")
     given = _Given(
         stiffness=law.stiffness,
         asymmetry=law.asymmetry,
+        friction=law.friction,
+        arc_arm=law.rolling_arm,
+        corner_arm=law.corner_rolling_arm,
         downhill=slope.gravity * math.sin(slope.angle),
         inward=slope.gravity * math.cos(slope.angle),
         length=slope.length,
@@ -141,7 +145,7 @@ def euler_descent(
         moment_sign=1.0 if friction_sign == "dissipative" else -1.0,
         stride=max(1, round(settings.sample_interval / step)),
     )
-    shape, ground = body.record[0], _ground_of(law, slope)
+    shape = body.record[0]
     log, outcome, contact = new_log(settings.max_rebounds), np.zeros(1, OUTCOME)[0], np.zeros(1, _CONTACT)[0]
     trajectory = np.zeros(_FIRST_ROWS if record == "trajectory" else 0, TRAJECTORY)
     outcome["t_on_chord"] = outcome["x_on_chord"] = outcome["t_line"] = math.inf
@@ -152,23 +156,9 @@ def euler_descent(
             longer = new_trajectory(2 * len(trajectory), settings.sample_interval)
             longer[: len(trajectory)] = trajectory
             trajectory = longer
-        _follow(shape, given, ground, outcome, log, contact, trajectory, _STEPS)
+        _follow(shape, given, outcome, log, contact, trajectory, _STEPS)
     _close_books(shape, given, launch, outcome)
     return descent_of(body, law, slope, launch, outcome, log, trajectory, None)
-
-
-def _ground_of(law: ContactLaw, slope: Slope) -> np.ndarray:
-    """Pieces of the ground, one behind the other: begin [m], friction [-], rolling arms [m] of arcs and of corners."""
-    elsewhere = law.friction, law.rolling_arm, law.corner_rolling_arm
-    pieces, reached = [], -math.inf
-    for zone in slope.zones:
-        if zone.begin > reached:
-            pieces.append((reached, *elsewhere))
-        pieces.append((zone.begin, zone.friction, zone.rolling_arm, zone.corner_rolling_arm))
-        reached = zone.end
-    if reached < math.inf:
-        pieces.append((reached, *elsewhere))
-    return np.array(pieces)
 
 
 def _close_books(body: np.void, given: _Given, launch: State, outcome: np.void) -> None:
@@ -195,7 +185,6 @@ def _energies(body: np.void, given: _Given, state: State) -> tuple[float, float]
 def _follow(
     body: np.void,
     given: _Given,
-    ground: np.ndarray,
     flight: np.void,
     log: np.ndarray,
     contact: np.void,
@@ -207,7 +196,7 @@ def _follow(
     for _ in range(most):
         if flight["samples"] == rows and rows > 0:
             return
-        arc, lowest = _lowest(body, given, ground, flight)
+        arc, lowest = _lowest(body, given, flight)
         status, inside = _status(given, flight, lowest), lowest.gap < 0.0
         rebound = log[min(flight["rebounds"], given.max_rebounds - 1)]
         if inside and contact["touching"] == 0:
@@ -233,7 +222,7 @@ def _follow(
 
 
 @_compiled
-def _lowest(body: np.void, given: _Given, ground: np.ndarray, flight: np.void) -> tuple[int, _Point]:
+def _lowest(body: np.void, given: _Given, flight: np.void) -> tuple[int, _Point]:
     """Return the lowest arc and its lowest point, with the forces on it: numbers of equations are the paper's.
 
     Where two arcs meet, the larger one is taken; of two equal ones the one at the larger angle, as in the mirror.
@@ -258,12 +247,9 @@ def _lowest(body: np.void, given: _Given, ground: np.ndarray, flight: np.void) -
     gap, v_n, v_t = flight["y"] - b, flight["v"] - a * omega, flight["u"] + b * omega
     if not gap < 0.0:
         return arc, _Point(a, b, gap, v_n, v_t, 0.0, 0.0, 0.0, 0.0)
-    piece = ground.shape[0] - 1
-    while piece > 0 and flight["x"] - a < ground[piece, 0]:
-        piece -= 1
-    arm = ground[piece, 3] if body["corner"][arc] != 0.0 else ground[piece, 2]
+    arm = given.corner_arm if body["corner"][arc] != 0.0 else given.arc_arm
     normal = -given.stiffness * (1.0 - given.asymmetry * np.sign(v_n)) * gap  # (13)
-    bound = ground[piece, 1] * normal
+    bound = given.friction * normal
     force, moment = -bound * np.sign(v_t), -arm * normal * np.sign(omega)  # (11)
     return arc, _Point(a, b, gap, v_n, v_t, normal, bound, force, moment)
 

@@ -48,6 +48,14 @@ def quantity(value: float, unit: str) -> str:
     return f"{value:z.3g} {unit}"
 
 
+def rounded(value: float) -> str:
+    """Return a number with four digits: "1.650", "62730", "0"."""
+    if value == 0.0:
+        return "0"
+    digits = f"{value:z#.4g}"
+    return f"{float(digits):.0f}" if 1e4 <= abs(value) < 1e9 else digits.rstrip(".")
+
+
 def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
     """Return the body, the surface, the slope and the launch, one line each."""
     clear = clearance(body, slope, launch)
@@ -63,8 +71,8 @@ def setting(body: Body, law: ContactLaw, slope: Slope, launch: State) -> str:
         f"friction {law.friction:.3f}, {arm}\n"
         f"slope: {math.degrees(slope.angle):.2f} deg, {length}, gravity {slope.gravity:.4g} m/s^2"
         f"{_profile_words(slope)}\n{air}{zones}"
-        f"launch: orientation {math.degrees(launch.phi):.2f} deg, spin {launch.omega:.3f} rad/s, "
-        f"speed {launch.u:.3f} m/s, clearance {clear:z.3f} m, fall {0.0 - launch.v:.3f} m/s"
+        f"launch: orientation {rounded(math.degrees(launch.phi))} deg, spin {rounded(launch.omega)} rad/s, "
+        f"speed {rounded(launch.u)} m/s, clearance {clear:z.3f} m, fall {rounded(0.0 - launch.v)} m/s"
     )
 
 
@@ -126,7 +134,7 @@ def rebound_cells(descent: Descent) -> list[tuple[str, ...]]:
             for name, width in (("u", 6), ("v", 6), ("omega", 7))
         )
         stuck = "yes" if jam.stuck[i] else "nearly" if jam.nearly_stuck[i] else ""
-        place = f"{row['t']:.4f}", f"{row['x']:.4f}", part_name(descent.body, row["feature"]), mode_name(row["mode"])
+        place = rounded(row["t"]), rounded(row["x"]), part_name(descent.body, row["feature"]), mode_name(row["mode"])
         rows.append((f"{i + 1}", *place, *changes, f"{jam.grip[i]:.2f}", f"{jam.tangential_loss[i]:.2f}", stuck))
     return rows
 
@@ -166,7 +174,7 @@ def _growth_rows(found: Sensitivity) -> list[tuple[str, ...]]:
         name = LAUNCH[which]
         change = f"{name} {'+' if side else '-'} {found.distances[i, columns[which], side]:.3g} {PARAMETERS[name]}"
         nearest = change if math.isfinite(apart.min()) else "none found"
-        rows.append((f"{i + 1}", f"{rebound['t']:.4f}", f"{rebound['x']:.4f}", f"{growth[0]:.4g}", nearest))
+        rows.append((f"{i + 1}", rounded(rebound["t"]), rounded(rebound["x"]), f"{growth[0]:.4g}", nearest))
     return rows
 
 
@@ -177,25 +185,25 @@ def _named(name: str, unit: str) -> str:
 def summary(descent: Descent) -> str:
     """Return how the descent ended, its jam metrics and its energy ledger, several lines."""
     jam, energy = descent.jam, descent.energy
-    ledger = [(f"  {name}", f"{value:.6f}") for name, value in energy._asdict().items()]
+    ledger = [(f"  {name}", rounded(value)) for name, value in energy._asdict().items()]
     ledger.append(("  residual", f"{energy.residual:.1e}"))
-    metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
+    metrics = ", ".join(f"{metric_name(name)} {rounded(float(value))}" for name, value in jam._asdict().items())
     # A crash in the run-out takes back what there was at the line.
     line = descent.at_line if descent.status == "finish" else None
-    passed = "" if line is None else f", all at the line, after {line[0]:.4f} s"
+    passed = "" if line is None else f", all at the line, after {rounded(line[0])} s"
     lying = []
     if descent.on_chord is not None:
         time, x = descent.on_chord
         where = "chord      first lay on it" if isinstance(descent.body, Segment) else "side       first lay on one"
-        lying.append(f"{where}, settled, after {time:.4f} s at x = {x:z.4f} m")
+        lying.append(f"{where}, settled, after {rounded(time)} s at x = {rounded(x)} m")
     depth = float(descent.rebounds["peak_penetration"].max(initial=0.0))
     if depth > _DEEP * descent.body.size > 0.0:  # as of a stiffness in another unit
         sizes = depth / descent.body.size
-        lying.append(f"depth      pressed in by {depth:.4f} m, {sizes:.2g} times the size of the body: a soft surface")
+        lying.append(f"depth      pressed in by {depth:.4g} m, {sizes:.2g} times the size of the body: a soft surface")
     lines = [
-        f"status     {descent.status} after {descent.time:.4f} s at x = {descent.state.x:.4f} m",
+        f"status     {descent.status} after {rounded(descent.time)} s at x = {rounded(descent.state.x)} m",
         *lying,
-        f"jam        {metrics}, jam index {float(jam.jam_index):.4f}{passed}",
+        f"jam        {metrics}, jam index {rounded(float(jam.jam_index))}{passed}",
         "",
         "energy [J]",
         *aligned(ledger, ("<14", ">16"), gap=""),
