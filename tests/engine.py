@@ -1,4 +1,4 @@
-"""What tests of single kernels work on: a body, a ground and a work space as the engine reads them."""
+"""A body, a ground and a work space as single kernels read them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ SEGMENT = circular_segment(5.0, 0.4, 1.0)
 
 
 class Spring(NamedTuple):
-    """What a contact is made of, beside its features."""
+    """Numbers of a contact beside its features."""
 
     depth: float = 1e-3  # [m]
     closing: float = 3e4  # [N/m]
@@ -85,7 +85,7 @@ def touch(body: Any, pieces: np.ndarray, space: Any, features: tuple[int, int, i
 
 
 def rows_of(space: Any) -> list[np.ndarray]:
-    """What u, v and omega add to gap rate and slip of each contact: two rows a contact."""
+    """Rows that u, v and omega are multiplied by in gap rate and slip: two of each contact."""
     rows = []
     for c in range(int(space["contacts"]["count"])):
         contact = space["contacts"]["at"][c]

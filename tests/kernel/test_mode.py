@@ -1,4 +1,4 @@
-"""The choice of a mode: its accelerations, when a body rests, and mirror images."""
+"""The choice of a mode: its forces and accelerations, and when a body rests."""
 
 from __future__ import annotations
 
@@ -377,7 +377,7 @@ def test_forces_at_their_bounds_hold_whatever_way_they_are_rounded() -> None:
 
 
 def test_locks_that_friction_makes_singular_do_not_hold() -> None:
-    """Oracle: the same programme. With a friction of .5 the force of one contact does not change its own gap."""
+    """Oracle: the same programme. With a friction of 0.5 the force of one contact does not change its own gap."""
     each = [
         Spring(2.0**-8, 3e4, 2e3, 0.0, 0.0),
         Spring(2.0**-6, 3e4, 2e3, 0.0, 0.0),
