@@ -15,7 +15,8 @@ from sledenv import hull
 from sledenv.kernel import contacts, geometry
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from tests.compiled import compiled
-from tests.engine import BODIES, Spring, new_space, pieces_of, put, record_of, touch
+from tests.engine import Spring, new_space, pieces_of, put, record_of, touch
+from tests.profiles import BODIES
 
 first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 velocities = compiled(geometry.velocities)

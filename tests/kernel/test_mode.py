@@ -15,7 +15,8 @@ from scipy.optimize import linprog
 from sledenv.kernel import mode
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.params import Incline
-from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.engine import Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.profiles import BODIES
 
 choose = mode.choose  # as plain Python: to compile it takes longer than to call it some hundred times
 BLOCK = record_of(BODIES["block"])
