@@ -55,7 +55,7 @@ LEDGER: Final = 1e-8  # of the turnover
 
 
 class Fault(NamedTuple):
-    """What is wrong, where it is first and how much at most."""
+    """A kind of fault, the first row that has it and how much it is at most."""
 
     kind: str
     amount: float  # the largest
@@ -70,14 +70,14 @@ class Fault(NamedTuple):
 
 
 class Audit(NamedTuple):
-    """What an audit has found."""
+    """The faults of a descent, and counts."""
 
     faults: list[Fault]
     counts: Counter[str]
 
 
 class Found(NamedTuple):
-    """What is found in the rows of a trajectory: see tests/audit_rows.py."""
+    """Findings in the rows of a trajectory: see tests/audit_rows.py."""
 
     times: np.ndarray
     motions: np.ndarray  # (n, 6)

@@ -1,4 +1,4 @@
-"""What tests of single kernels work on: a body, a ground and a work space as the engine reads them."""
+"""A body, a ground and a work space as single kernels read them."""
 
 from __future__ import annotations
 
@@ -8,27 +8,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from sledenv import circular_segment, disc, polygon, sled
 from sledenv.kernel import contacts, geometry, outline
 from sledenv.kernel.params import Incline
 from sledenv.simulation.bodies import Body
 from tests.compiled import compiled
 
 build_pieces, complete, add = compiled(geometry.build_pieces), compiled(outline.complete), compiled(contacts.add)
-BLOCK_CORNERS = ((-0.5, -0.3), (0.5, -0.3), (0.5, 0.3), (-0.5, 0.3))
-HEXAGON = [(0.4 * math.cos(a), 0.3 * math.sin(a)) for a in np.arange(6) * math.pi / 3]
-BODIES = {
-    "disc": disc(20.0, 0.3),
-    "block": polygon(50.0, BLOCK_CORNERS, rounding=0.05),
-    "triangle": polygon(50.0, [(-0.5, -0.3), (0.5, -0.3), (0.0, 0.6)], rounding=0.05),
-    "hexagon": polygon(30.0, HEXAGON, rounding=0.03),
-    "sled": sled(),
-}
-SEGMENT = circular_segment(5.0, 0.4, 1.0)
 
 
 class Spring(NamedTuple):
-    """What a contact is made of, beside its features."""
+    """Numbers of a contact beside its features."""
 
     depth: float = 1e-3  # [m]
     closing: float = 3e4  # [N/m]
@@ -85,7 +74,7 @@ def touch(body: Any, pieces: np.ndarray, space: Any, features: tuple[int, int, i
 
 
 def rows_of(space: Any) -> list[np.ndarray]:
-    """What u, v and omega add to gap rate and slip of each contact: two rows a contact."""
+    """Rows that u, v and omega are multiplied by in gap rate and slip: two of each contact."""
     rows = []
     for c in range(int(space["contacts"]["count"])):
         contact = space["contacts"]["at"][c]

@@ -63,7 +63,7 @@ class Scene(NamedTuple):
 
 
 class Passage(NamedTuple):
-    """What springs have come to."""
+    """A ride on springs, at each end of a contact."""
 
     rows: np.ndarray  # (contacts, 7) t, x, y, phi, u, v, omega when nothing touches any more
     jumped: float  # [J] created or lost where pairs came or went with a depth

@@ -72,7 +72,7 @@ class Tiny:
 
     @property
     def known(self) -> str:
-        """What it must compute."""
+        """Digest of the numbers that it must compute."""
         return str(json.loads(self.made.partition(b"\n")[0])["known"])
 
     def told(self, **words: object) -> bytes:

@@ -1,4 +1,4 @@
-"""What Python passes to compiled code, and what it refuses to pass."""
+"""Arguments that Python passes to compiled code, and those that it refuses to pass."""
 
 from __future__ import annotations
 

@@ -14,7 +14,7 @@ from sledenv.compiler.library import Library
 
 
 class Weights(NamedTuple):
-    """What the columns count."""
+    """Factors of the columns."""
 
     first: float
     second: float

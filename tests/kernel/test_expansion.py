@@ -12,7 +12,8 @@ import pytest
 from sledenv.kernel import expansion
 from sledenv.kernel.contacts import ORDER
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
-from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.engine import Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.profiles import BODIES
 
 expand, longest_step, value = expansion.expand, expansion.longest_step, expansion.value  # as plain Python
 BLOCK = record_of(BODIES["block"])

@@ -22,7 +22,7 @@ LEVEL = Slope(0.0)
 
 
 class Landing(NamedTuple):
-    """What `simulate` takes of a body that touches with a side, and the name of that."""
+    """A body that touches with a side, its ground and its launch, and the name of the side."""
 
     body: Body
     law: ContactLaw

@@ -1,8 +1,7 @@
-"""What touches what on a profile: its pieces, and normals, levers and velocities of the three kinds of contacts."""
+"""The pieces of a profile, and normals, levers and velocities of the three kinds of contacts."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from bisect import bisect_right
 from itertools import product
@@ -12,19 +11,22 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from sledenv import hull
 from sledenv.kernel import contacts, geometry
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from tests.compiled import compiled
-from tests.engine import BODIES, Spring, new_space, pieces_of, put, record_of, touch
+from tests.engine import Spring, new_space, pieces_of, put, record_of, touch
+from tests.profiles import BODIES
 
 first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 velocities = compiled(geometry.velocities)
 touching_place = compiled(geometry.touching_place)
-height_at, tangent_at, end_of_reach = map(compiled, (geometry.height_at, geometry.tangent_at, geometry.end_of_reach))
+height_at, tangent_at = compiled(geometry.height_at), compiled(geometry.tangent_at)
 faces_arc, beyond, zone_at = compiled(geometry.faces_arc), compiled(geometry.beyond), compiled(contacts.zone_at)
 ROOF = ((-1.0, 0.0), (0.0, 0.5), (1.0, 0.0))  # dip, crest, dip
 CREST = 2  # the piece that begins at the top of the roof
 BLOCK, SLED = record_of(BODIES["block"]), record_of(BODIES["sled"])
+CLUB = record_of(hull(5.0, [(-0.3, 0.0, 0.1), (0.4, 0.0, 0.3)]))
 steps = st.tuples(st.floats(0.05, 2.0), st.floats(-1.0, 1.0))
 profiles = st.lists(steps, min_size=2, max_size=12)
 
@@ -108,35 +110,6 @@ def test_heights_and_tangents_are_those_of_pieces_and_circles(
             tx, ty = tangent_at(pieces, x)
             rate = (height_at(pieces, x + 1e-7) - height_at(pieces, x - 1e-7)) / 2e-7
             assert (ty / tx, math.hypot(tx, ty)) == (pytest.approx(rate, abs=1e-5), pytest.approx(1.0, rel=1e-12))
-
-
-@given(profiles)
-def test_dips_join_pieces_to_a_run(along: list[tuple[float, float]]) -> None:
-    """Oracle: up to the next crest on either side, its vertex laid on the line of the piece.
-
-    The line is out of reach before, where the ground has risen over it by a quarter of the size of the body, or where
-    it turns by more than a right angle.
-    """
-    vertices = walk(along)
-    pieces = pieces_of(vertices)
-    crest = turns_of(pieces) < 0.0
-    for j, piece in enumerate(pieces):
-        tangent, normal = np.array([piece["tx"], piece["ty"]]), np.array([-piece["ty"], piece["tx"]])
-        for step, _own in ((-1, "low"), (1, "high")):
-            place_, takes_over = end_of_reach(BLOCK, pieces, 1, j, step)
-            path = list(range(j, 0, -1) if step < 0 else range(j + 1, len(pieces)))
-            seen = [vertices[k - 1] - [piece["x"], piece["y"]] for k in path]
-            run = next((i for i, k in enumerate(path) if crest[k]), None)
-            if takes_over:
-                assert run is not None
-                assert place_ == pytest.approx(seen[run] @ tangent, abs=1e-12)
-                assert max((out @ normal for out in seen[: run + 1]), default=0.0) <= 0.25 * BLOCK["size"] + 1e-12
-            elif math.isfinite(place_):
-                risen = [out @ normal for out in seen]
-                back = [step * ((two - one) @ tangent) < 0.0 for one, two in itertools.pairwise(seen)]
-                assert max(risen) >= 0.25 * BLOCK["size"] - 1e-12 or any(back)
-            else:
-                assert run is None or not path
 
 
 @given(profiles, st.floats(-3.0, 15.0), st.integers(0, 11))
@@ -279,16 +252,16 @@ def test_a_crest_passes_from_an_arc_to_a_side_without_a_jump(
 
 @given(st.floats(-4.0, 4.0), st.floats(0.0, 1.5))
 def test_an_arc_faces_what_lies_in_its_angle(relative: float, distance: float) -> None:
-    """Oracle: a plane under the body, turned by the same angle, has that arc as the lowest one."""
-    for arc in range(4):
-        middle, half = BLOCK["mid"][arc], BLOCK["half"][arc]
-        turned = (relative - middle + math.pi) % math.tau - math.pi
+    """Oracle: a plane under the body, turned by the same angle, has that arc as the lowest one. An arc may be wide."""
+    for body, arc in [*((BLOCK, arc) for arc in range(4)), (CLUB, 0), (CLUB, 1)]:
+        half, middle = body["half"][arc], body["mid"][arc] + (math.pi if body["over"][arc] else 0.0)
+        turned = math.remainder(relative - middle, math.tau)
         if abs(abs(turned) - half) < 1e-9:
             continue
         down = np.array([-math.sin(relative), -math.cos(relative)])
-        place_ = np.array([BLOCK["cx"][arc], BLOCK["cy"][arc]]) + (distance + 0.01) * down
-        assert faces_arc(BLOCK, arc, *place_) == (abs(turned) <= half)
-        assert beyond(BLOCK, arc, relative) == (0 if abs(turned) <= half else math.copysign(1, turned))
+        place = np.array([body["cx"][arc], body["cy"][arc]]) + (distance + 0.01) * down
+        assert faces_arc(body, arc, *place) == (abs(turned) <= half)
+        assert beyond(body, arc, relative) == (0 if abs(turned) <= half else math.copysign(1, turned))
 
 
 @pytest.mark.parametrize(

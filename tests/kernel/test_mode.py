@@ -1,4 +1,4 @@
-"""The choice of a mode: its accelerations, when a body rests, and mirror images."""
+"""The choice of a mode: its forces and accelerations, and when a body rests."""
 
 from __future__ import annotations
 
@@ -15,7 +15,8 @@ from scipy.optimize import linprog
 from sledenv.kernel import mode
 from sledenv.kernel.geometry import ARC_BEND, ARC_PIECE, SIDE_BEND
 from sledenv.kernel.params import Incline
-from tests.engine import BODIES, Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.engine import Spring, incline, new_space, pieces_of, put, record_of, rows_of, touch
+from tests.profiles import BODIES
 
 choose = mode.choose  # as plain Python: to compile it takes longer than to call it some hundred times
 BLOCK = record_of(BODIES["block"])
@@ -377,7 +378,7 @@ def test_forces_at_their_bounds_hold_whatever_way_they_are_rounded() -> None:
 
 
 def test_locks_that_friction_makes_singular_do_not_hold() -> None:
-    """Oracle: the same programme. With a friction of .5 the force of one contact does not change its own gap."""
+    """Oracle: the same programme. With a friction of 0.5 the force of one contact does not change its own gap."""
     each = [
         Spring(2.0**-8, 3e4, 2e3, 0.0, 0.0),
         Spring(2.0**-6, 3e4, 2e3, 0.0, 0.0),

@@ -135,7 +135,7 @@ def test_a_disc_that_slides_into_a_dip_loses_what_points_into_the_ramp(radius: f
 
 
 def test_a_disc_pressed_on_the_level_comes_out_of_a_dip_so_in_the_stiff_limit() -> None:
-    """Oracle: 4.8296 and .6470 m/s for V = 5 m/s, 15 degrees, e = .5; the error falls as c^-1/2."""
+    """Oracle: 4.8296 and 0.6470 m/s for V = 5 m/s, 15 degrees, e = 0.5; the error falls as c^-1/2."""
     turn, errors = math.radians(15.0), []
     for stiffness in (1e7, 1e9, 1e11):
         slope = sledenv.Slope(0.0, profile=[(0.0, 0.0), (100.0, 100.0 * math.tan(turn))])
@@ -174,7 +174,7 @@ def test_a_disc_at_rest_in_a_dip_presses_on_both_sides(degrees: float, arm: floa
 
 
 def rolled(turn: float, friction: float) -> sledenv.Descent:
-    """A disc that rolls over a crest with v0^2 = .1 g r."""
+    """A disc that rolls over a crest with v0^2 = 0.1 g r."""
     radius = 0.5
     speed = math.sqrt(0.1 * G * radius)
     law = sledenv.ContactLaw.from_restitution(0.3, stiffness=1e9, friction=friction, rolling_arm=0.0)
@@ -188,7 +188,7 @@ def rolled(turn: float, friction: float) -> sledenv.Descent:
 
 
 def test_a_disc_rolls_over_a_crest_and_gains_what_it_falls() -> None:
-    """Oracle: v^2 = v0^2 + (4/3) g r (1 - cos(turn)): .4119 g r after 40 degrees."""
+    """Oracle: v^2 = v0^2 + (4/3) g r (1 - cos(turn)): 0.4119 g r after 40 degrees."""
     turn = math.radians(40.0)
     rows = rolled(turn, 50.0).trajectory
     behind = rows[(rows["touching"] == 1) & (rows["contacts"][:, 0]["ground"] == 2)]

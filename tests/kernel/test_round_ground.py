@@ -8,8 +8,6 @@ import numpy as np
 import pytest
 
 import sledenv
-from sledenv.simulation.grounds import Grounds
-from sledenv.simulation.support import resting_heights
 
 G = 9.81
 MASS, SMALL = 50.0, 0.3  # [kg], [m] of the disc
@@ -93,21 +91,3 @@ def test_a_disc_swings_in_a_round_dip_as_a_pendulum_does(radius: float, rolls: b
         errors.append(abs((zeros[2] - zeros[0]) / expected - 1.0))
     assert errors[0] < 5e-4
     assert errors[1] == pytest.approx(0.01 * errors[0], rel=0.01)
-
-
-@pytest.mark.parametrize(("radius", "contacts"), [(12.0, 2), (20.0, 1), (40.0, 1)])
-def test_the_sled_rides_through_a_round_dip_on_what_is_rounder(radius: float, contacts: int) -> None:
-    """Oracle: geometry; the runner, an arc of 15 m, touches a flatter dip once, and another one with both its ends."""
-    sled, angle = sledenv.sled(), -0.2
-    assert max(arc.radius for arc in sled.arcs) == pytest.approx(15.0)
-    slope = bend(radius, -1.0)
-    x = radius * math.sin(angle)
-    (height,) = resting_heights(sled.record, np.array([x]), np.array([angle]), Grounds.of((slope.vertices,))).tolist()
-    launch = sledenv.State(x, height, angle, 3.0 * math.cos(angle), 3.0 * math.sin(angle))
-    descent = sledenv.simulate(
-        sled, law(1e7, 0.005), slope, launch, max_time=0.2 * radius / 3.0, record="trajectory", sample_interval=1e-3
-    )
-    rows = descent.trajectory[descent.trajectory["t"] > 0.5 * descent.time]
-    touching = rows["touching"]
-    assert np.median(touching) == contacts
-    assert touching.max() == contacts

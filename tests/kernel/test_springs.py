@@ -83,7 +83,7 @@ KINDS = {
 
 
 class Springs(NamedTuple):
-    """What springs say in the limit of no layer."""
+    """Velocities on springs in the limit of no layer."""
 
     velocities: np.ndarray  # (contacts, 3) u, v and size omega [m/s] after each contact
     created: float  # [-] by geometry, over the largest kinetic energy after a contact

@@ -59,7 +59,7 @@ def exact(p: list[float], t: float) -> Fraction:
 
 
 def rounding(p: list[float], t: float) -> float:
-    """What a value may be wrong by."""
+    """Error that a value may have."""
     return 4e-15 * sum(abs(term) * t**k for k, term in enumerate(p))
 
 
