@@ -57,7 +57,7 @@ def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.Cap
     context = scenario.sample(np.random.default_rng(3))
     descent = simulate(*scenario.given(context), scenario.settings())
     assert descent.at_line is not None
-    assert jam.endswith(f", all at the line, after {descent.at_line[0]:.4f} s")
+    assert jam.endswith(f", all at the finish, after {descent.at_line[0]:.4f} s")
     assert descent.at_line[0] < descent.time
     assert main(["simulate", "paper_impact"]) == 0
     assert "at the line" not in capsys.readouterr().out

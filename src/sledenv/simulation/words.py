@@ -180,9 +180,9 @@ def summary(descent: Descent) -> str:
     ledger = [(f"  {name}", f"{value:.6f}") for name, value in energy._asdict().items()]
     ledger.append(("  residual", f"{energy.residual:.1e}"))
     metrics = ", ".join(f"{metric_name(name)} {float(value):.4f}" for name, value in jam._asdict().items())
-    # A crash in the run-out takes back what there was at the line.
+    # A fall in the run-out takes back what there was at the finish.
     line = descent.at_line if descent.status == "finish" else None
-    passed = "" if line is None else f", all at the line, after {line[0]:.4f} s"
+    passed = "" if line is None else f", all at the finish, after {line[0]:.4f} s"
     lying = []
     if descent.on_chord is not None:
         time, x = descent.on_chord
