@@ -71,7 +71,7 @@ def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.Cap
     scenario = load_scenario("sled_snow")
     descent = simulate(*scenario.given(scenario.sample(np.random.default_rng(3))), scenario.settings())
     assert descent.at_line is not None
-    assert f", all at the line, after {rounded(descent.at_line[0])} s\n" in out
+    assert f", all at the finish, after {rounded(descent.at_line[0])} s\n" in out
     assert descent.at_line[0] < descent.time
 
 

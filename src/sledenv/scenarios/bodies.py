@@ -1,4 +1,4 @@
-"""What a scenario's file says of the body: one of the kinds that the simulator makes, or a choice of them."""
+"""Body of a scenario's file: one of the kinds that the simulator makes, or a choice of them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _GYRATION: Final = 0.8  # moment of inertia of an ellipsoid over that of an elli
 
 
 class BodySection(Section):
-    """What all bodies have."""
+    """Keys of all bodies."""
 
     kind: str
     drag_area_m2: Annotated[float, Quantity("[0, inf) m^2")] = 0.0  # c_d A: docs/physics.md, 9.2
@@ -136,7 +136,7 @@ class OutlinedBody(BodySection):
 
     @property
     def _weight(self) -> tuple[float | None, Pair | None, float]:
-        """What makers of outlines take last: inertia, mass centre and drag area."""
+        """Last arguments of makers of outlines: inertia, mass centre and drag area."""
         return self.inertia_kg_m2, self.centre_m, self.drag_area_m2
 
 

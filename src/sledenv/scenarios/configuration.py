@@ -37,7 +37,7 @@ _WORDING = {
 
 
 class Quantity:
-    """What a key accepts: a number in an interval that is written with its unit, as in ``"(0, 90] deg"``.
+    """Numbers that a key accepts: those in an interval that is written with its unit, as in ``"(0, 90] deg"``.
 
     Attributes
     ----------
@@ -113,7 +113,7 @@ class Bounds(Quantity):
 
 
 class Range(Bounds):
-    """What a draw is between: two numbers of an interval, or one."""
+    """Range of a draw: two numbers of an interval, or one."""
 
     form = "a number, or a pair [low, high] to sample,"
 

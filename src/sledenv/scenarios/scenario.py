@@ -124,7 +124,7 @@ _ZONE, _SHAPE, _TRACK = (Context._fields.index(name) for name in ("zone_begin", 
 
 
 class Given(NamedTuple):
-    """What one descent is given, as :func:`sledenv.simulate` takes it."""
+    """Arguments of one descent, as :func:`sledenv.simulate` takes it."""
 
     body: Body
     law: ContactLaw
@@ -304,7 +304,7 @@ class Scenario(Document):
 
     @property
     def draws(self) -> int:
-        """How many doubles a context is drawn from: one a field, without the track where it is always 0."""
+        """How many doubles a context is drawn from: one for each field, without the track where it is always 0."""
         return len(Context._fields) - (not self._is_numbered)
 
     def contexts(self, draws: ArrayLike, split: Split | None = None) -> NDArray[np.float64]:
@@ -457,7 +457,7 @@ class Scenario(Document):
 
     @property
     def outlines(self) -> np.ndarray:
-        """What the kernel reads of the bodies, records of kernel.outline.BODY."""
+        """Records that the kernel reads of the bodies, of kernel.outline.BODY."""
         return _records(self.body_section)
 
     def _shapes(self, contexts: NDArray[np.float64]) -> NDArray[np.intp]:
@@ -655,7 +655,7 @@ class Scenario(Document):
 
     @property
     def _bumps(self) -> Bumps | None:
-        """What the bumps of a track are drawn from; None without them."""
+        """Ranges that the bumps of a track are drawn from; None without them."""
         section = self.slope_section.bumps
         if section is None:
             return None

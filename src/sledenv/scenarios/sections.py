@@ -1,4 +1,4 @@
-"""What a scenario's file says of the slope, the contact, the launch and of what an agent chooses."""
+"""Sections of a scenario's file: slope, contact, launch, what an agent chooses, and how a descent ends."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ class SlopeSection(Section):
     length_m: Annotated[float, Quantity("(0, inf) m")]
     gravity_m_s2: Annotated[float, Quantity("[0, inf) m/s^2")] = 9.81
     air_density_kg_m3: Annotated[float, Quantity("[0, inf) kg/m^3")] = AIR_DENSITY  # felt by bodies with a drag area
-    run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the line, where a crash still counts
+    run_out_m: Annotated[float, Quantity("[0, inf) m")] = 0.0  # behind the finish, where a fall still counts
     profile_m: Annotated[tuple[Pair, ...] | None, Points("(-inf, inf) m", 2, MOST_VERTICES)] = None
     rounding_m: Annotated[float | tuple[float, ...], OneOrSeveral("[0, inf) m")] = 0.0  # of its vertices
     # What ``Scenario`` reads before: it puts into ``profile_m`` and ``rounding_m`` what is in the file.
@@ -198,7 +198,7 @@ class LaunchSection(Section):
 
 
 class ControlSection(Section):
-    """What an agent may choose of the launch, within which bounds and how exactly.
+    """Launch controls: what an agent may choose, within which bounds and how exactly.
 
     A key that is a ``LaunchControl`` is all that there is to a control; its order here is that of the actions. One that
     is None by default is optional.
@@ -265,7 +265,7 @@ class LimitsSection(Section):
 
 
 class EndsSection(Section):
-    """What ends a descent beyond the mechanics: a rider who has fallen does not go on."""
+    """Rules that end a descent beyond the mechanics: a rider who has fallen does not go on."""
 
     on_chord: StrictBool = False  # lying on the chord, both ends settled
     touching: StrictStr | tuple[StrictStr, ...] | None = None  # a part of the body that touches the slope, or several

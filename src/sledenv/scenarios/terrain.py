@@ -33,7 +33,7 @@ _NUMBER: Final = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?"
 
 
 class Rows(NamedTuple):
-    """What the lines of a file hold, one behind the other."""
+    """Points that the lines of a file hold, one behind the other."""
 
     columns: tuple[str, str]  # FLAT or TERRAIN
     lines: list[int]  # of the file, from 1 on; shape (n,)
@@ -46,7 +46,7 @@ class Rows(NamedTuple):
 
 
 class Ground(NamedTuple):
-    """What a file says of the ground."""
+    """Ground that a file tells."""
 
     vertices: Floats  # x along the plane of the slope and y over it [m], as in the file or filled up, shape (n, 2)
     told: Floats  # vertices and their radii [m] that tell it within the tolerance, shape (m, 3)

@@ -1,4 +1,4 @@
-"""What a whole number draws of many contexts at once: bumps and errors.
+"""Bumps and errors that whole numbers draw, of many contexts at once.
 
 The vertices of N grounds are an array of shape (N, M, 3), columns x, y and the radius with which each is rounded [m].
 Where a ground has fewer than M, the rest of its row is inf.
@@ -45,9 +45,9 @@ class Bumps(NamedTuple):
     def draw(self, tracks: NDArray[np.float64]) -> Floats:
         """Return the vertices of tracks of given numbers, whole ones in [0, 2^32), shapes (N,) and (N, M, 3).
 
-        The same number is the same track on every machine: SplitMix64 turns it into numbers in [0, 1), five a bump, and
-        all else is plain arithmetic. As many bumps follow each other as end before ``end``. A gap or a top of less than
-        a millimetre is none.
+        The same number is the same track on every machine: SplitMix64 turns it into numbers in [0, 1), of which each
+        bump takes five, and all else is plain arithmetic. As many bumps follow each other as end before ``end``. A gap
+        or a top of less than a millimetre is none.
         """
         count = self.most()
         ranges = np.array([self.gap, self.face, self.top, self.back or self.face, self.height])
@@ -90,7 +90,7 @@ def _logarithms(values: Floats) -> Floats:
     mantissa, exponent = np.frexp(values)
     low = mantissa < math.sqrt(0.5)
     mantissa, exponent = np.where(low, 2.0 * mantissa, mantissa), exponent - low
-    ratio = (mantissa - 1.0) / (mantissa + 1.0)  # at most .172: log m = 2 artanh of it
+    ratio = (mantissa - 1.0) / (mantissa + 1.0)  # at most 0.172: log m = 2 artanh of it
     square, series = ratio * ratio, np.zeros(len(values))
     for k in range(21, 0, -2):
         series = series * square + 1.0 / k

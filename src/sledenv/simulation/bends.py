@@ -20,7 +20,7 @@ LARGEST_SHARE: Final = 0.49  # of a straight piece that the bend at one of its e
 
 
 class Bends(NamedTuple):
-    """What takes the place of each of m vertices: the arc that touches both pieces next to it."""
+    """Arcs in the place of m vertices: each that touches both pieces next to it."""
 
     signs: Floats  # +1 a crest, -1 a dip, 0 where the ground is sharp or does not turn; shape (m,)
     radii: Floats  # [m] of the arcs, 0 where the sign is 0; shape (m,)

@@ -113,7 +113,7 @@ class Body:
 
     @cached_property
     def record(self) -> np.ndarray:
-        """What the kernel reads of the body, shape (1,) of kernel.outline.BODY; it cannot be written to."""
+        """Record that the kernel reads of the body, shape (1,) of kernel.outline.BODY; it cannot be written to."""
         records = self._made()
         records.setflags(write=False)
         return records
@@ -232,7 +232,7 @@ def made_body(value: Any) -> Body:
 
 
 def records_of(bodies: Body | Sequence[Body] | np.ndarray, lanes: int, name: str = "body") -> np.ndarray:
-    """Return what the kernel reads of one body for all lanes, or of one a lane.
+    """Return what the kernel reads of one body for all lanes, or of one for each.
 
     Parameters
     ----------

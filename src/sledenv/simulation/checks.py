@@ -42,7 +42,7 @@ _SURFACE = 1e-9  # relative depth up to which a launch counts as lying on the su
 
 
 class CheckedDescent(NamedTuple):
-    """What one descent is of."""
+    """Body, law, slope and launch of one descent, checked, and its scene."""
 
     body: Body
     law: ContactLaw
@@ -52,7 +52,7 @@ class CheckedDescent(NamedTuple):
 
 
 class _Names(NamedTuple):
-    """What messages call things; ``{lane}`` becomes the number of a lane."""
+    """Names of arguments in messages; ``{lane}`` becomes the number of a lane."""
 
     body: str
     law: str

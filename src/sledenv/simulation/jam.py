@@ -42,9 +42,9 @@ def rebound_jam(rebounds: np.ndarray, friction: np.ndarray) -> ReboundJam:
 def descent_jam(outcomes: np.ndarray | np.void, mass: np.ndarray | float, length: np.ndarray | float) -> DescentJam:
     """Return the jam metrics of ``outcomes`` (an OUTCOME array or record) for bodies of ``mass`` [kg].
 
-    The retention compares the kinetic energy of the motion along the ground at the line with *all* energy supplied up
+    The retention compares the kinetic energy of the motion along the ground at the finish with *all* energy supplied up
     to there: launch translation, launch spin, drop height and slope. A descent that spins, hops high or hovers until
-    the time is over gains nothing by it. One that crashes in the run-out behind the line keeps nothing.
+    the time is over gains nothing by it. One that falls in the run-out keeps nothing.
     """
     flights, masses, lengths = np.asarray(outcomes), np.asarray(mass, float), np.asarray(length, float)
     shape = np.broadcast(flights, masses, lengths).shape

@@ -1,4 +1,4 @@
-"""What a simulated descent, or a batch of them, has come to."""
+"""Outcomes: a simulated descent, and a batch of them."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Descent:
     state : State
         At the end.
     rebounds : ndarray of REBOUND, shape (n,)
-        One row a contact, in order; the last may be a contact in which the descent ended.
+        One row for each contact, in order; the last may be a contact in which the descent ended.
     trajectory : ndarray of TRAJECTORY, shape (m,)
         Empty unless simulated with ``record="trajectory"``. Times never decrease; two rows share one where forces may
         jump.

@@ -43,7 +43,7 @@ class Arc(NamedTuple):
 
 
 class Outline(NamedTuple):
-    """What follows from the arcs of an outline; each array has one entry an arc."""
+    """Measures of an outline that follow from its arcs; each array has one entry for each arc."""
 
     size: float  # [m] largest distance from the mass centre
     lowest: float  # [m] smallest support height

@@ -1,4 +1,4 @@
-"""What lanes are told of the ground under them and around them, and of where their flights land."""
+"""The ground under lanes and around them, and where their flights land, as far as they are told."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _LANDING: Final = len(LANDING) + 2 * len(PLACES)
 
 
 class Outlook(NamedTuple):
-    """What is told of n lanes, in SI units; 0 of a lane whose numbers have overflowed."""
+    """Ground and landings of n lanes, in SI units; 0 of a lane whose numbers have overflowed."""
 
     sine: Floats  # of the orientation, (n,)
     cosine: Floats

@@ -1,4 +1,4 @@
-"""What the compiled kernel and the rest of the package share by name: tables of records, statuses, codes and bounds.
+"""Names that the compiled kernel and the rest of the package share: tables of records, statuses, codes and bounds.
 
 All that is above this room takes these names from here, so that it needs nothing of the kernel's own modules.
 """

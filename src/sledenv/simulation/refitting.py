@@ -149,7 +149,7 @@ def deviations(survey: Survey, ground: Ground) -> Floats:
 
 
 class _View(NamedTuple):
-    """What windows see: their c vertices, one more to either side, and the s places that are compared next to these."""
+    """Sight of windows: their c vertices, one more to either side, and the s places that are compared next to these."""
 
     near: Ints  # vertices, in turn; shape (c,)
     owners: Ints  # the window of each

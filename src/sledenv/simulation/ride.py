@@ -307,16 +307,6 @@ class RideBatch:
     def __copy__(self) -> Self:
         return self.take(np.arange(len(self._lanes.flights)))
 
-    def await_flights(self, lanes: np.ndarray) -> None:
-        """Go on to where a flight begins that is not too short, in lanes whose first flight may be: of numbers (n,).
-
-        Raises
-        ------
-        IndexError
-            For a lane that is not there.
-        """
-        self._lanes.wait(self._numbered(lanes))
-
     def outcomes(self, lanes: np.ndarray | None = None) -> np.ndarray:
         """Return where descents stand, an OUTCOME array of all lanes or of some; later hops do not change it.
 

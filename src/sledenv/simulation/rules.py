@@ -1,4 +1,4 @@
-"""What a number, a word or a table that is given must be, and the errors that name what is not."""
+"""Rules for numbers, words and tables that are given, and the errors that name what breaks them."""
 
 from __future__ import annotations
 
@@ -124,7 +124,7 @@ def checked_rows(owner: str, kind: type[Any], rows: np.ndarray) -> None:
     owner : str
         What the message calls a row; ``{lane}`` in it becomes the number of the row.
     kind : type
-        A named tuple of floats with ``rules``, one a field, such as :class:`sledenv.Slope`.
+        A named tuple of floats with ``rules``, one for each field, such as :class:`sledenv.Slope`.
     rows : ndarray of float, shape (N, fields)
 
     Raises

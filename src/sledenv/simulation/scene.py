@@ -1,4 +1,4 @@
-"""What a body meets and how it starts: contact law, slope with its profile, and launch, with every field checked."""
+"""Contact law, slope with its profile and its zones, and launch: every field is checked."""
 
 from __future__ import annotations
 
@@ -508,7 +508,7 @@ def misplaced_zones(places: Iterable[Sequence[Any]], length: Any) -> Iterator[Mi
     Parameters
     ----------
     places : iterable of pairs
-        Begin and end [m] of each zone: numbers, or arrays with one a slope, NaN where it has fewer zones.
+        Begin and end [m] of each zone: numbers, or arrays with one for each slope, NaN where it has fewer zones.
     length : float or ndarray
         Of the slope [m].
     """

@@ -1,4 +1,4 @@
-"""Scenes: all that is given of many descents, one row a lane, and the pools of bodies, zones and ground under them."""
+"""Scenes: all that is given of many descents, one row per lane, and pools of bodies, zones and ground under them."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _GROUND: Final = columns("ground", "ground_end")
 
 
 class Scenes(NamedTuple):
-    """What N descents are given.
+    """All that N descents are given.
 
     Whoever makes them checks them: :mod:`sledenv.simulation.checks` what users give, a scenario what it draws.
     """
@@ -53,7 +53,7 @@ class Scenes(NamedTuple):
 
     @property
     def given(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, Floats]:
-        """What the kernel takes of them."""
+        """Rows and pools, as the kernel takes them."""
         return self[:4]
 
     @property
@@ -159,7 +159,7 @@ def _counts(rows: np.ndarray, name: str) -> Lanes:
 
 
 def _slots(pool: np.ndarray, room: int) -> np.ndarray:
-    """Return a pool as one row a lane, shape (N, room), whose records are copied whole: a view."""
+    """Return a pool as one row per lane, shape (N, room), whose records are copied whole: a view."""
     return pool.reshape(len(pool), -1).view(f"V{pool.itemsize * math.prod(pool.shape[1:])}").reshape(-1, room)
 
 

@@ -318,7 +318,7 @@ class Course(NamedTuple):
 
 
 class Runs(NamedTuple):
-    """What N descents that differ in one parameter have come to."""
+    """Results of N descents that differ in one parameter."""
 
     agreed: NDArray[np.int64]  # (N,) rebounds before the first that has not the events that count; one more if all
     rebounds: Floats  # (N, rebounds, quantities)
@@ -365,7 +365,7 @@ class Neighbours:
         return body.mass, np.nan, np.nan, body.inertia, np.nan, body.drag_area
 
     def records(self, bodies: Floats) -> np.ndarray:
-        """What the kernel reads of bodies, given the rows of :meth:`tables`."""
+        """Records that the kernel reads of bodies, given the rows of :meth:`tables`."""
         if isinstance(self.descent.body, Segment):
             return segment_records(bodies)
         records = np.tile(self.descent.body.record, len(bodies))

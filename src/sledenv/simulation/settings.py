@@ -53,8 +53,8 @@ class Settings:
         End a descent with status "tumbled" where a part of such a name touches the slope, or a straight side of such a
         name lies on it: of ``Body.parts``.
     run_out : float
-        How far behind the end of the slope the descent goes on [m], >= 0. It is judged where it passes the line there,
-        but one that crashes in the run-out keeps nothing. The slope, and its last zone if that is endless, goes on too.
+        How far behind the end of the slope the descent goes on [m], >= 0. It is judged where it passes the finish,
+        but one that falls in the run-out keeps nothing. The slope, and its last zone if that is endless, goes on too.
     settle_speed : float, optional
         Approach speed [m/s] below which an impact is plastic ("rigid"), so that ever smaller bounces come to an end;
         1e-5 sqrt(gravity times the size of the body) by default. 0 follows the bounces until the log is full.
@@ -111,7 +111,7 @@ class Settings:
 
     @property
     def limits(self) -> Limits:
-        """What the kernel takes of them: numbers alone, and so without the parts of ``end_touching``."""
+        """Settings as the kernel takes them: numbers alone, and so without the parts of ``end_touching``."""
         return Limits(
             max_time=self.max_time,
             max_steps=_MOST_STEPS,

@@ -132,7 +132,7 @@ def simulate_batch(
     Parameters
     ----------
     body, law, slope : Body, ContactLaw, Slope, or sequences or arrays of N of them
-        One for all lanes or one a lane. An array has the fields of a segment, of a law or of a slope in its columns:
+        One for all lanes or one for each. An array has the fields of a segment, of a law or of a slope in its columns:
         shapes (N, 5), (N, 5) and (N, 3), or (N, 3 + 7 K) with the fields of K zones, NaN where a slope has fewer and
         where a zone has no restitution or stiffness of its own. An array has no profiles.
     launches : array_like, shape (N, 6)

@@ -23,7 +23,7 @@ _WHOLE_LOGGED: Final = np.dtype(f"V{REBOUND.itemsize}")
 
 
 class Simulator:
-    """Descents under way, one a lane; no lane depends on another.
+    """Descents under way, one per lane; no lane depends on another.
 
     Parameters
     ----------

@@ -25,7 +25,7 @@ class _Limb(NamedTuple):
 
 
 # Shares of mass and lengths of D. A. Winter, Biomechanics and Motor Control of Human Movement, 4th ed., table 4.1 and
-# fig. 4.1: head and neck .081, trunk .497, arms .100, thighs .200, shanks and feet .122. The arms lie beside the trunk,
+# fig. 4.1: head and neck 0.081, trunk 0.497, arms 0.1, thighs 0.2, shanks and feet 0.122. Arms lie beside the trunk,
 # the head is lifted no higher than the shoulders. Thicknesses are assumed.
 _LIMBS: Final = (
     _Limb(LEGS, 0.122, 0.00, 0.285, 0.11),
@@ -61,9 +61,9 @@ def sled(
     rider_height : float
         From sole to crown [m], > 0.
     length : float
-        Of the sled [m], > 0; .8 to 1.2 m by the rules of the sport.
+        Of the sled [m], > 0; 0.8 to 1.2 m by the rules of the sport.
     height : float
-        Of its deck above the ends of the runners [m], > 0; .08 to .2 m.
+        Of its deck above the ends of the runners [m], > 0; 0.08 to 0.2 m.
     bow_radius : float
         Radius of the arc to which the runners are bent [m]. Athletes set it; 10 to 30 m, assumed.
     balance : float

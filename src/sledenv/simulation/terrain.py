@@ -25,7 +25,7 @@ _MOVED: Final = 1e-5  # [m] under a fill, from which on a point counts as moved
 
 
 class Reader(NamedTuple):
-    """What messages call the points of a section, and what whoever reads it offers against steep faces."""
+    """Names for the points of a section in messages, and remedies against steep faces of whoever reads it."""
 
     points: str  # such as "lines"
     place: Callable[[int], str]  # one of them, such as "line 4"
