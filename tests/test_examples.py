@@ -53,7 +53,7 @@ def test_the_sensitivity_of_the_page_on_uncertainty_runs(tmp_path, monkeypatch, 
 
 
 def check_pictures(page, prefix, folder):
-    """What a page has drawn in a folder is what it shows under names with a prefix."""
+    """A page has drawn in a folder what it shows under names with a prefix."""
     drawn = {file.name for file in folder.glob("*.png")}
     shown = set(re.findall(r"images/(\w+\.png)", (ROOT / f"docs/{page}.md").read_text(encoding="utf-8")))
     assert drawn

@@ -1,4 +1,4 @@
-"""What ``python -m sledenv`` runs: the command ``sledenv``."""
+"""The command ``sledenv``, by ``python -m sledenv``."""
 
 import sys
 
