@@ -90,7 +90,7 @@ def plot_strobe(
         About this many poses in a row of the shortest descent, >= 2; poses that would lie on top of each other are left
         out.
     between : pair of float, optional
-        Show only what is between these places along the slope [m].
+        Show only what is between these places along the slope [m], in one row of up to thirty bodies.
 
     Returns
     -------
@@ -152,7 +152,7 @@ def _panels(
     side = max(1.1 * max(descent.body.size for descent in descents), 0.02 * wide)
     begin, end = every[:, 0].min() - side, every[:, 0].max() + side
     smallest = max(min(descent.body.size for descent in descents), 1e-9)
-    count = 1 if high > _STEEP * wide else _count((end - begin) / smallest)
+    count = 1 if high > _STEEP * wide else _count((end - begin) / smallest, _SHORT if between is None else _LONG)
     edges = np.linspace(begin, end, count + 1)
     panels = []
     for descent, rows, label, (path, ground) in zip(descents, tracks, labels, shown, strict=True):
@@ -170,11 +170,11 @@ def _panels(
     return panels
 
 
-def _count(sizes: float) -> int:
-    """Return how many rows there should be of a picture so many sizes of the body long."""
+def _count(sizes: float, usual: float) -> int:
+    """Return how many rows there should be of a picture so many sizes of the body long, of a usual length likewise."""
     if not sizes < _ENDLESS:
         return 1
-    return max(min(math.ceil(sizes / _SHORT), _MOST_ROWS), math.ceil(sizes / _LONG))
+    return max(min(math.ceil(sizes / usual), _MOST_ROWS), math.ceil(sizes / _LONG))
 
 
 def _shown(descent: Descent, rows: np.ndarray, between: tuple[float, float] | None) -> tuple[np.ndarray, np.ndarray]:
