@@ -134,7 +134,7 @@ def show_play(app: Any, name: str, source: list[str]) -> None:
 def write_play(app: Any, error: Exception | None) -> None:
     """Write the page to ride beside the start page."""
     if error is None and app.builder.format == "html":
-        main([*RIDE, str(Path(app.outdir) / "docs" / "ride.html")])
+        assert main([*RIDE, str(Path(app.outdir) / "docs" / "ride.html")]) == 0
 
 
 def leave_formulae(app: Any, tree: nodes.document) -> None:

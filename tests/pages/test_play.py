@@ -269,23 +269,10 @@ def assert_map(page: Browser, scenario: Scenario, context: Context) -> None:
     batch = simulate_batch(*scenario.given(context)[:3], scenario.scenes(contexts).launches, scenario.settings())
     rewards, expected = (page.run(f"return Array.from(map.{name}, String)") for name in ("rewards", "expected"))
     np.testing.assert_array_equal(np.array(rewards, float), batch.jam.reward)
-    turns = bool(page.run("return map.axes[0].turns"))
     smooth = batch.jam.reward.reshape(50, 50)
-    for k, mode in enumerate(("wrap" if turns else "nearest", "nearest")):
-        smooth = gaussian_filter1d(smooth, errors[k] / (axes[k][1] - axes[k][0]), axis=k, mode=mode)
+    for k in range(2):
+        smooth = gaussian_filter1d(smooth, errors[k] / (axes[k][1] - axes[k][0]), axis=k, mode="nearest")
     assert np.array(expected, float) == pytest.approx(smooth.ravel(), abs=1e-3)
-
-
-@needs_chromium
-@pytest.mark.jit_only
-@pytest.mark.slow
-def test_a_map_goes_all_around(chromium: Browser, tmp_path: Path) -> None:
-    scenario, context = drawn(own_scenario("boulders"))
-    visit(chromium, written(tmp_path, page_of(own_scenario("boulders"))))
-    wait_for_map(chromium)
-    angles = chromium.run("return map.axes[0].values")
-    assert [*angles, angles[0] + 360.0] == pytest.approx(np.linspace(-180.0, 180.0, 51))
-    assert_map(chromium, scenario, context)
 
 
 @needs_chromium

@@ -2,12 +2,6 @@
 /* Velocities and energy over time, and what the body does now. */
 const LAYERS = ["#0072b2", "#56b4e9", "#bfc8d2", "#d55e00"];
 
-/* A quantity with three digits and, where it needs one, a prefix of its unit. */
-function quantity(value, unit) {
-  const [factor, prefix] = Math.abs(value) >= 1e6 ? [1e6, "M"] : Math.abs(value) >= 1e3 ? [1e3, "k"] : [1, ""];
-  return `${(value / factor).toPrecision(3).replace("-", "−")} ${prefix}${unit}`;
-}
-
 const axisNumber = (value) =>
   Math.abs(value) >= 1e4 ? `${brief(Number((value / 1e3).toPrecision(3)))}k` : brief(value);
 
@@ -176,6 +170,7 @@ function tellNow(t) {
   const signs =
     row === null ? "" : `${rows.slip[row] ? "slides" : "sticks"}, ${rows.spin[row] ? "turns" : "does not turn"}; `;
   const grip = most > 0 ? `, grip ${Math.min(Math.abs(sum((one) => one.tangential)) / most, 1).toFixed(2)}` : "";
-  const much = rebounds.duration[i] > 0 ? `force ${quantity(normal, "N")}` : `impulse ${quantity(normal, "N s")}`;
+  const much =
+    rebounds.duration[i] > 0 ? `force ${fixed(normal / 1e3, 3, "kN")}` : `impulse ${fixed(normal, 2, "N s")}`;
   $("contact").textContent = `contact ${i + 1}, ${part}: ${D.modes[rebounds.mode[i]]}\n${signs}${much}${grip}`;
 }
