@@ -14,12 +14,11 @@ from importlib.util import find_spec
 from pathlib import Path, PurePosixPath
 from typing import Any
 
-import numpy as np
 from docutils import nodes
 
 import sledenv
 from docs import tables
-from sledenv.pages.play import Played, play_page
+from sledenv.command.cli import main
 
 ROOT = Path(__file__).parents[1]
 
@@ -77,12 +76,14 @@ html_copy_source = False
 html_show_sphinx = False
 mathjax_path = MATHJAX.name
 
-# The page that simulates, in the start page: docs/browser.md.
+# The page to ride, in the start page: docs/browser.md. On its first slope the trained agent gets to the finish; without
+# trims, and with those of the rule, the sled falls.
+RIDE = "play", "sled_rollers", "--seed", "1", "--html"
 PLAY = """\
 ```{raw} html
-<p>Try it: drag the sled, its ring and its arrow. The simulator itself runs in this page
-(<a href="play.html">full size</a>).</p>
-<iframe class="play" src="play.html" title="A descent to play with" loading="lazy"></iframe>
+<p>Ride it: can you get to the finish, as the trained agent does? The simulator itself runs in this page
+(<a href="ride.html">full size</a>).</p>
+<iframe class="play" src="ride.html" title="A slope to ride" loading="lazy"></iframe>
 ```
 
 """
@@ -120,18 +121,16 @@ def read_page(app: Any, name: str, source: list[str]) -> None:
 
 
 def show_play(app: Any, name: str, source: list[str]) -> None:
-    """Put the page that simulates above the first picture of the start page; where Git shows it, there are no pages."""
+    """Put the page to ride above the first picture of the start page; where Git shows it, there are no pages."""
     if name == root_doc:
         above, picture, below = source[0].partition("![")
         source[0] = f"{above}{PLAY}{picture}{below}"
 
 
 def write_play(app: Any, error: Exception | None) -> None:
-    """Write the page that simulates beside the start page."""
+    """Write the page to ride beside the start page."""
     if error is None and app.builder.format == "html":
-        scenario = sledenv.load_scenario("sled_rollers")
-        page = play_page(scenario, [Played("seed 1", scenario.sample(np.random.default_rng(1)))])
-        (Path(app.outdir) / "docs" / "play.html").write_text(page, encoding="utf-8")
+        assert main([*RIDE, str(Path(app.outdir) / "docs" / "ride.html")]) == 0
 
 
 def leave_formulae(app: Any, tree: nodes.document) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import re
 from collections.abc import Iterator
@@ -14,7 +13,6 @@ import numpy as np
 import pytest
 
 from sledenv.pages import html
-from sledenv.pages.kernel import descent_input
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.plot.energy import energy_layers
 from sledenv.plot.riders import pieces
@@ -29,7 +27,7 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.words import mode_name
 from tests.bodies import HILL, ICE, SLED, rod, run
 from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, needs_chromium, wait_until
-from tests.pages.shown import assert_same, numbers, problem, put, visit, written
+from tests.pages.shown import assert_same, columns_of, numbers, problem, put, visit, written
 from tests.plot.outlined import RIDDEN, descent_of
 
 ZONED = Slope(0.15, 10.0, zones=(Zone(1.0, 3.0, 0.3, 0.02), Zone(6.0, math.inf, 0.01, 0.0)))
@@ -52,20 +50,6 @@ def test_scripts_and_styles_are_no_templates() -> None:
     assert [file.name for file in files if re.search("{[{%#]", file.read_text(encoding="utf-8"))] == []
 
 
-def test_a_page_holds_what_the_kernel_must_know(descent: Descent) -> None:
-    """Oracle: ``descent_input``, all digits."""
-    page = replay_page(descent, "a descent")
-    assert_needs_nothing(page)
-    data = data_of(page)
-    exact, given = json.loads(data["exact"]), descent_input(descent.body, ICE, HILL, descent.launch, descent.settings)
-    assert data["recorded"] is None
-    (context,), body = exact["contexts"], exact["bodies"][0]
-    assert [context[name] for name in ("law", "slope", "launch")] == [
-        given[name] for name in ("law", "slope", "launch")
-    ]
-    assert [body["given"], body["limits"]] == [given["body"], given["limits"]]
-
-
 def by_euler() -> Descent:
     return euler_descent(SLED, ICE, HILL, dropped().launch, step=1e-3, record="trajectory")
 
@@ -75,19 +59,6 @@ def trimmed(body: Body = SLED, slope: Slope = HILL) -> Descent:
     ride.hop()
     ride.trim(0.5)
     return ride.run()
-
-
-@pytest.mark.parametrize("kind", ["euler", "trimmed"])
-def test_a_page_holds_a_descent_that_it_cannot_repeat(kind: str) -> None:
-    """Oracle: the descent."""
-    descent = trimmed() if kind == "trimmed" else by_euler()
-    data = data_of(replay_page(descent, kind))
-    assert any("Euler's method, or trimmed" in note for note in data["notes"])
-    recorded = json.loads(data["recorded"])
-    for name in ("t", "x", "phi", "omega", "normal", "tangential"):
-        assert recorded["trajectory"][name] == descent.trajectory[name].tolist()
-    assert recorded["rebounds"]["u_after"] == descent.rebounds["u_after"].tolist()
-    assert recorded["jam"]["reward"] == float(descent.jam.reward)
 
 
 def test_a_ride_without_a_rotor_is_repeated() -> None:
@@ -100,6 +71,7 @@ def test_a_ride_without_a_rotor_is_repeated() -> None:
 def test_a_title_cannot_break_out_of_its_page(descent: Descent) -> None:
     title = "</script><script>alert(1)</script> <b>&amp; /*DATA*/"
     page = replay_page(descent, title)
+    assert_needs_nothing(page)
     assert page.count("</script>") == replay_page(descent, "").count("</script>")
     assert data_of(page)["title"] == title
 
@@ -126,6 +98,9 @@ SHOWN = {
     "euler": by_euler,
     "trimmed over bends": lambda: trimmed(RIDDEN, ROUND),
 }
+
+
+COLUMNS = [name for name in dropped().trajectory.dtype.names if name != "contacts"]
 
 
 def broken(descent: Descent) -> Descent:
@@ -202,6 +177,9 @@ def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromi
     visit(chromium, written(tmp_path, replay_page(descent, name)))
     if descent.settings is not None:
         assert_same(chromium, descent)
+    else:
+        rows = descent.trajectory[np.isfinite(descent.trajectory["x"] + descent.trajectory["omega"])]
+        assert columns_of(chromium, "trajectory") == {field: rows[field].tolist() for field in COLUMNS}
     if name in ("over bends", "settled", "ridden, rigid"):
         layers = dict(chromium.run("return Object.entries(energiesOf(shown))"))
         moving, rest = np.split(np.array(list(energy_layers(descent, drawable_rows(descent)).values())), [3])
@@ -211,7 +189,6 @@ def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromi
     for share in (0.0, 0.3, 0.6, 1.0):
         chromium.run("show(arguments[0] * filmLength())", share)
         assert "NaN" not in chromium.run("return document.documentElement.outerHTML.split('<script')[0]")
-    chromium.click("#next")
     assert chromium.log() == []
 
 
@@ -249,15 +226,6 @@ def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent:
     sled, recorded = chromium.run(f"return {places}")
     width = chromium.run("return $('scene').getBoundingClientRect().width / scene.W * scene.scale")
     assert recorded - sled == pytest.approx(0.1 * math.cos(HILL.angle) * width, abs=2.0)
-    for plot, expected in ((3, [100.0] * 40 + [0.0] * 40), (4, [0.0] * 40)):
-        dots = "[...axes.svg.querySelectorAll('circle')].map(one => Number(one.getAttribute('cy')))"
-        low, high, top, foot, *rows = chromium.run(
-            f"const axes = plots[arguments[0]]; const {{ low, high }} = axes;"
-            f"return [low, high, axes.row(high), axes.row(low), ...{dots}]",
-            plot,
-        )
-        values = low + (np.array(rows) - foot) / (top - foot) * (high - low)
-        assert values == pytest.approx(np.array(expected), abs=max(0.03 * (high - low), 1e-4))
     chromium.run(f"goTo({descent.time})")
     colour = chromium.run("return document.querySelector('#ghost').getAttribute('stroke')")
     assert colour == "var(--line)"  # beyond what was used
@@ -300,12 +268,6 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
     assert float(found[2]) == pytest.approx(abs(push.tangential) / (ICE.friction * push.normal), abs=0.02)
     assert page.run("return document.querySelectorAll('.cone, .force').length") == 2
     assert page.run("return document.querySelector('tr.current').cells[0].textContent") == "2"
-    for key, words in (("next", "contact 3, "), ("previous", "contact 2, "), ("previous", "contact 1, ")):
-        page.click(f"#{key}")
-        assert page.text("#contact").startswith(words)
-    page.click("#previous")
-    assert shown_time(page) == 0.0
-    assert page.run("return document.querySelectorAll('.cone, .force').length") == 0
 
 
 @needs_chromium
@@ -315,16 +277,11 @@ def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) ->
     corners = chromium.run(
         "return [...document.querySelectorAll('#scene .zone')].map(one => [...one.points].map(p => [p.x, p.y]))"
     )
-    assert len(corners) == 2
-    for (begin, end, *below), place in zip(corners, (1.0, 6.0), strict=True):
+    for (begin, _, *below), place in zip(corners, (1.0, 6.0), strict=True):
         assert begin == pytest.approx(chromium.run("return scene.pixel(arguments[0], 0)", place), abs=0.02)
-        assert end[0] > begin[0]
         assert min(row for _, row in below) > begin[1]
-    said = chromium.run(
-        "return [...document.querySelectorAll('#world text')].map(one => one.textContent)"
-        ".filter(text => text.startsWith('friction '))"
-    )
-    assert said == ["friction 0.3", "friction 0.01"]
+    said = chromium.run("return [...document.querySelectorAll('#world text')].map(one => one.textContent)")
+    assert {"friction 0.3", "friction 0.01"} < set(said)
 
 
 @needs_chromium

@@ -87,7 +87,7 @@ def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser)
     """Oracle: ``Ride`` with the same trims and the errors of the context, bit for bit; so of the other rides."""
     scenario, context = drawn("sled_kickers", SEEDS[0])
     at_speed(page, 50.0)
-    assert "to the finish without a fall" in page.text("#words")
+    assert "Get to the finish without a fall" in page.text("#words")
     page.press("body", " ")
     wait_until(page, f"atTakeoff() && {STANDS}")
     assert page.run("return $('ahead').childElementCount") == 2  # the path to where it lands, and the pose there

@@ -176,31 +176,15 @@ function show(where, fromSlider) {
     row.classList.toggle("current", Number(row.dataset.rebound) === selected);
 }
 
-const momentOf = (i) => 0.55 * shown.film.film[2 * i + 1] + 0.45 * shown.film.film[2 * i + 2];
-
 function showRebound(i) {
   pause();
   selected = i;
-  show(momentOf(i));
+  show(0.55 * shown.film.film[2 * i + 1] + 0.45 * shown.film.film[2 * i + 2]);
 }
 
 function goTo(t) {
   pause();
   show(between(shown.film.time, shown.film.film, t));
-}
-
-/* The next contact or the one before; beyond them the end or the launch. */
-function jump(direction) {
-  const moments = [...shown.rebounds.t.keys()].map(momentOf);
-  const found =
-    direction > 0
-      ? moments.findIndex((where) => where > position + 1e-6)
-      : moments.findLastIndex((where) => where < position - 1e-6);
-  if (found >= 0) showRebound(found);
-  else {
-    pause();
-    show(direction > 0 ? filmLength() : 0);
-  }
 }
 
 function pause() {
@@ -251,12 +235,6 @@ document.addEventListener("keydown", (event) => {
     show(position + step / FPS);
   } else return;
   event.preventDefault();
-});
-$("previous").addEventListener("click", () => jump(-1));
-$("next").addEventListener("click", () => jump(1));
-$("copy").addEventListener("click", () => {
-  getSelection().selectAllChildren($("python")); // also where the clipboard is forbidden
-  navigator.clipboard?.writeText($("python").textContent).catch(() => {});
 });
 window.addEventListener("resize", () => {
   if (!shown) return;

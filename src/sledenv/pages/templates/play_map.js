@@ -12,15 +12,14 @@ let map = null;
 
 const errorOf = (name) => (NOISY.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
 
-/* Values of an axis. Beyond the bounds it goes on as far as the launch noise reaches, unless it goes all around. */
+/* Values of an axis, which goes on beyond the bounds as far as the launch noise reaches. */
 function axisOf(name) {
   const own = chosen.body < D.own;
   const [low, high] = own ? D.bounds[name] : { orientation: [-180, 180], spin: [-10, 10], speed: [0, 20] }[name];
-  const turns = name === "orientation" && high - low >= 360;
-  const beyond = turns ? 0 : 3 * errorOf(name);
-  const step = (high - low + 2 * beyond) / (turns ? CELLS : CELLS - 1);
+  const beyond = 3 * errorOf(name);
+  const step = (high - low + 2 * beyond) / (CELLS - 1);
   const values = Array.from({ length: CELLS }, (_, i) => low - beyond + i * step);
-  return { name, low, high, turns, step, values };
+  return { name, low, high, step, values };
 }
 
 /* The map. */
@@ -77,7 +76,7 @@ function smoothed({ rewards, axes }) {
   return convolved(convolved(filled, axes[0], CELLS), axes[1], 1);
 }
 
-function convolved(values, { name, step, turns }, stride) {
+function convolved(values, { name, step }, stride) {
   const spread = errorOf(name) / step; // in cells
   const reach = Math.ceil(4 * spread);
   const weights = Array.from({ length: 2 * reach + 1 }, (_, i) => Math.exp(-0.5 * ((i - reach) / (spread || 1)) ** 2));
@@ -86,7 +85,7 @@ function convolved(values, { name, step, turns }, stride) {
     const place = Math.floor(k / stride) % CELLS;
     let sum = 0;
     for (let d = -reach; d <= reach; d++) {
-      const other = turns ? (place + d + CELLS) % CELLS : clamp(place + d, 0, CELLS - 1);
+      const other = clamp(place + d, 0, CELLS - 1);
       sum += weights[d + reach] * values[k + (other - place) * stride];
     }
     return sum / all;
@@ -140,9 +139,8 @@ function around(one, launch, held, share) {
 function inside({ axes }, launch, held) {
   return launch.map((value, i) => {
     if (held[i] !== null) return held[i];
-    const { name, low, high, turns } = axes[i];
-    const turned = turns ? value - (high - low) * Math.floor((value - low) / (high - low)) : value;
-    return clamp(rounded(turned, stepOf(name)), low, high);
+    const { name, low, high } = axes[i];
+    return clamp(rounded(value, stepOf(name)), low, high);
   });
 }
 
@@ -207,31 +205,22 @@ function drawChart(svg, values) {
   const [x, y] = map.axes;
   const chart = chartOf(svg, map.axes);
   const { width, height, left, top, w, h, column, row } = chart;
-  const picture = pictureOf(values);
   const begin = ({ values: all, step, low }) => (low - all[0]) / step + 0.5;
   const [wide, high] = [x, y].map((axis) => (axis.high - axis.low) / axis.step);
   const parts = [
     `<svg x="${left}" y="${top}" width="${w}" height="${h}" preserveAspectRatio="none" ` +
       `viewBox="${begin(x)} ${CELLS - begin(y) - high} ${wide} ${high}">` +
-      (x.turns ? [0, CELLS] : [0])
-        .map(
-          (place) =>
-            `<image href="${picture}" x="${place}" width="${CELLS}" height="${CELLS}" preserveAspectRatio="none"/>`,
-        )
-        .join("") +
-      "</svg>",
+      `<image href="${pictureOf(values)}" width="${CELLS}" height="${CELLS}" preserveAspectRatio="none"/></svg>`,
     `<rect x="${left}" y="${top}" width="${w}" height="${h}" fill="none" stroke="var(--line)"/>`,
   ];
   for (const value of ticks(x.low, x.high, width < 330 ? 5 : 8, PARAMETERS[x.name].unit))
-    parts.push(
-      `<text x="${far(column(value))}" y="${top + h + 16}" text-anchor="middle" fill="var(--pale)">${fixed(value, 0)}</text>`,
-    );
+    parts.push(words(column(value), top + h + 16, brief(value), "var(--pale)"));
   for (const value of ticks(y.low, y.high, 7, ""))
     parts.push(
       `<text x="${left - 6}" y="${far(row(value) + 4)}" text-anchor="end" fill="var(--pale)">${brief(value)}</text>`,
     );
   parts.push(
-    `<text x="${left + w / 2}" y="${height - 5}" text-anchor="middle" fill="var(--ink)">${axisWords(x)}</text>`,
+    words(left + w / 2, height - 5, axisWords(x), "var(--ink)"),
     `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
   );
   if (map.best) parts.push(star(...map.best.launch, chart));
@@ -239,7 +228,7 @@ function drawChart(svg, values) {
     const [a, b] = AXES.map((name) => placeOfMark(one, name));
     parts.push(
       `<circle class="agent" cx="${far(column(a))}" cy="${far(row(b))}" r="8" fill="${one.colour}" stroke="#fff" stroke-width="1.5"/>` +
-        `<text x="${far(column(a))}" y="${far(row(b) + 4)}" text-anchor="middle" font-weight="700" fill="#fff">${escaped(one.sign)}</text>`,
+        words(column(a), row(b) + 4, one.sign, "#fff"),
     );
   }
   const launch = launchOf();

@@ -7,18 +7,14 @@ const rateOf = () => scene.W / 60; // [px] of the arrow for each m/s
 let scene = null;
 let shown = null; // what the worker has found, and what follows from it
 
-/* Colours and words of zones: bands in plot/grounds.py. */
-const SNOW = [216, 221, 227];
-
-function bandsOf(zones, around) {
-  return zones.map(({ begin, end, friction }) => {
-    const both = friction + around;
-    const share = both > 0 ? (friction - around) / both : 0;
-    const most = share > 0 ? [152, 162, 172] : [200, 231, 252];
-    const parts = SNOW.map((part, i) => Math.round(part + Math.abs(share) * (most[i] - part)));
-    return { begin, end, colour: `rgb(${parts})`, words: `friction ${Number(friction.toPrecision(3))}` };
-  });
-}
+/* Zones darker where there is more friction than around, as in figures. */
+const bandsOf = (zones, around) =>
+  zones.map(({ begin, end, friction }) => ({
+    begin,
+    end,
+    colour: friction > around ? "#a9b3bd" : "#c8e7fc",
+    words: `friction ${Number(friction.toPrecision(3))}`,
+  }));
 
 function frictionAt(place, { law, slope }) {
   const zone = slope.zones.find(({ begin, end }) => place >= begin && place < end);

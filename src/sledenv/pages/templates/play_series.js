@@ -2,12 +2,6 @@
 /* Velocities and energy over time, and what the body does now. */
 const LAYERS = ["#0072b2", "#56b4e9", "#bfc8d2", "#d55e00"];
 
-/* A quantity with three digits and, where it needs one, a prefix of its unit. */
-function quantity(value, unit) {
-  const [factor, prefix] = Math.abs(value) >= 1e6 ? [1e6, "M"] : Math.abs(value) >= 1e3 ? [1e3, "k"] : [1, ""];
-  return `${(value / factor).toPrecision(3).replace("-", "−")} ${prefix}${unit}`;
-}
-
 const axisNumber = (value) =>
   Math.abs(value) >= 1e4 ? `${brief(Number((value / 1e3).toPrecision(3)))}k` : brief(value);
 
@@ -125,7 +119,6 @@ function drawSeries() {
     const one = new Axes(104, label, extentOf(rows[name]));
     return one.draw(one.shading(rebounds) + one.frame() + one.line(rows[name]));
   });
-  if (D.ghost) plots.push(...residualPlots());
   const layers = Object.entries(energiesOf(shown));
   const sums = [rows.t.map(() => 0)];
   for (const [, values] of layers) sums.push(sums.at(-1).map((sum, i) => sum + values[i]));
@@ -153,43 +146,6 @@ function energiesOf({ rows, scene: { body, slope } }) {
   return { ...layers, "stored in contacts, or lost": left.map((sum) => Math.max(left[0] - sum, 0)) };
 }
 
-/* Recorded less simulated pose in each frame, whole turns left out. */
-function residualPlots() {
-  const { rows, rebounds } = shown;
-  const { poses, times, used } = D.ghost;
-  const seen = times.filter((t) => t <= rows.t.at(-1));
-  const apart = seen.map((t, i) => {
-    const { x, y, phi } = stateAt(rows, t);
-    const turn = poses[i][2] - phi;
-    return [
-      1e3 * (poses[i][0] - x),
-      1e3 * (poses[i][1] - y),
-      ((turn - 2 * Math.PI * Math.round(turn / (2 * Math.PI))) * 180) / Math.PI,
-    ];
-  });
-  const plot = (label, columns) => {
-    const sizes = apart.slice(0, used).flatMap((row) => columns.map(([k]) => Math.abs(row[k])));
-    sizes.sort((a, b) => a - b);
-    const size = 1.6 * sizes[Math.floor(0.95 * (sizes.length - 1))] || 1; // a few wrong poses must not hide the others
-    const one = new Axes(120, label, [-size, size]);
-    const dots = columns.flatMap(([k, colour]) =>
-      apart.map((row, i) => {
-        const fill = i < used ? colour : "var(--line)";
-        return `<circle cx="${far(one.column(seen[i]))}" cy="${far(one.row(clamp(row[k], -size, size)))}" r="1.4" fill="${fill}"/>`;
-      }),
-    );
-    return one.draw(one.shading(rebounds) + one.frame() + dots.join(""));
-  };
-  const [blue, red] = ["var(--blue)", "var(--red)"];
-  return [
-    plot("recorded − simulated [mm]: x blue, y orange", [
-      [0, blue],
-      [1, red],
-    ]),
-    plot("recorded − simulated [°]: orientation", [[2, blue]]),
-  ];
-}
-
 /* What the body does at a time. */
 function tellNow(t) {
   const { rows, rebounds, status } = shown;
@@ -214,6 +170,7 @@ function tellNow(t) {
   const signs =
     row === null ? "" : `${rows.slip[row] ? "slides" : "sticks"}, ${rows.spin[row] ? "turns" : "does not turn"}; `;
   const grip = most > 0 ? `, grip ${Math.min(Math.abs(sum((one) => one.tangential)) / most, 1).toFixed(2)}` : "";
-  const much = rebounds.duration[i] > 0 ? `force ${quantity(normal, "N")}` : `impulse ${quantity(normal, "N s")}`;
+  const much =
+    rebounds.duration[i] > 0 ? `force ${fixed(normal / 1e3, 3, "kN")}` : `impulse ${fixed(normal, 2, "N s")}`;
   $("contact").textContent = `contact ${i + 1}, ${part}: ${D.modes[rebounds.mode[i]]}\n${signs}${much}${grip}`;
 }

@@ -156,9 +156,12 @@ function fit() {
   const step = Math.ceil(you().rows.x.length / 500);
   const points = riders.flatMap(({ rows }) => rows.x.map((x, i) => [x, rows.y[i]]).filter((_, i) => i % step === 0));
   const long = bounds(body.outline.map(([x]) => x)).reduce((tail, tip) => tip - tail); // [m]
-  const scale = (width < 450 ? 0.2 : 0.14) * (width / long); // [px/m]: the share of the picture that the body has
-  close = new Scene({ slope, body, size, close: scale }, [[launch.x, launch.y]], width, [0, width < 450 ? 250 : 340]);
-  whole = new Scene({ slope, body, size, close: 0 }, points, width, [40, 130]);
+  const scale = (0.15 * width) / long; // [px/m]: the share of the picture that the body has
+  close = new Scene({ slope, body, size, close: scale }, [[launch.x, launch.y]], width, [
+    0,
+    clamp(0.34 * width, 215, 340),
+  ]);
+  whole = new Scene({ slope, body, size, close: 0 }, points, width, [40, 90]);
   for (const [id, scene] of Object.entries({ scene: close, strip: whole }))
     $(id).setAttribute("viewBox", `0 0 ${scene.W} ${scene.H.toFixed(0)}`);
   const last = bounds(points.map(([x]) => x))[1];
@@ -247,10 +250,9 @@ function wordsNow() {
     const best = Math.max(hill.best ?? 0, jam.reward);
     return `You ${howOf(you(), outcome.x)}. Score ${jam.reward.toFixed(3)}, your best here ${best.toFixed(3)}.`;
   }
-  if (going) return "";
-  if (atTakeoff())
-    return `Flight ${you().trims.length + 1}: trim it with ◀ ▶ so that the dashed sled lands along the snow, then fly.`;
-  return time > 0 ? "" : "Ride to the finish without a fall: the sled stops at each take-off, and you trim the flight.";
+  if (atTakeoff() && !going)
+    return `Flight ${you().trims.length + 1}: trim it with ◀ ▶ to land along the snow, then fly.`;
+  return time > 0 ? "" : "Get to the finish without a fall: you trim each flight at its take-off.";
 }
 
 /* The clock, which stands while the visitor chooses. */

@@ -292,6 +292,6 @@ class Scene {
     const [column, row] = this.pixel(x, y);
     const [, ground] = this.pixel(x, around.reduce((sum, one) => sum + one) / around.length);
     const down = Math.max(0.72 * this.H - ground, 0.2 * this.H - row);
-    return `translate(${(0.32 * this.W - column).toFixed(2)} ${down.toFixed(2)})`;
+    return `translate(${(0.25 * this.W - column).toFixed(2)} ${down.toFixed(2)})`;
   }
 }
