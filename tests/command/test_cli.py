@@ -94,19 +94,6 @@ def test_simulate_tells_the_descent_to_a_program(tmp_path: Path, capsys: pytest.
     assert found["written"] == [str(file)]
 
 
-def test_simulate_prints_all_that_it_simulates(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the file of the scenario, and h = 2 r sin^3(alpha)/(3 D) of its segment; the launch that is asked for."""
-    out = printed(capsys, "simulate", own_scenario("brake_mat"))
-    assert "mass 100 kg, radius 0.5 m, eccentricity 0.1234 m, inertia 9.922 kg m^2, half-angle 110 deg" in out
-    assert "stiffness 10 MN/m, restitution 0.500" in out
-    assert "rolling arm 0.005 m (0 m at a corner)" in out
-    assert "length 10 m, gravity 9.81 m/s^2" in out
-    chosen = ["--seed", "3", "--orientation-deg", "-20", "--spin", "1.5", "--solver", "rigid"]
-    out = printed(capsys, "simulate", DROP, *chosen)
-    assert "ice_drop, seed 3, solver rigid" in out
-    assert "orientation -20.00 deg, spin 1.500 rad/s" in out
-
-
 def test_simulate_writes_the_trajectory(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Oracle: the worked example, 1 kg at 10 m/s; the column of the normal force sums to the change of momentum."""
     file = tmp_path / "fall.csv"
