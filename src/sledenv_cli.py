@@ -1,4 +1,4 @@
-"""What the command ``sledenv`` starts with: an interrupt while Python loads the package is told in one line too."""
+"""Start of the command ``sledenv``: an interrupt while Python loads the package is told in one line too."""
 
 import sys
 

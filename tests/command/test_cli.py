@@ -62,16 +62,16 @@ def test_simulate_prints_the_descent(capsys: pytest.CaptureFixture[str]) -> None
     assert ledger["hysteresis"] == "29.86"
     assert abs(float(ledger["residual"])) < 1e-12
     assert max(map(len, out.splitlines())) <= 120
-    assert "at the line" not in out
+    assert "at the finish" not in out
 
 
-def test_simulate_says_that_its_metrics_are_those_at_the_line(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: a descent that goes on behind the line, where it was fast."""
+def test_simulate_says_that_its_metrics_are_those_at_the_finish(capsys: pytest.CaptureFixture[str]) -> None:
+    """Oracle: a descent that goes on behind the finish, where it was fast."""
     out = printed(capsys, "simulate", "sled_snow", "--seed", "3")
     scenario = load_scenario("sled_snow")
     descent = simulate(*scenario.given(scenario.sample(np.random.default_rng(3))), scenario.settings())
     assert descent.at_line is not None
-    assert f", all at the line, after {rounded(descent.at_line[0])} s\n" in out
+    assert f", all at the finish, after {rounded(descent.at_line[0])} s\n" in out
     assert descent.at_line[0] < descent.time
 
 

@@ -95,7 +95,7 @@ Json = Annotated[bool, Parameter(help="Print the result as one JSON document")]
 Folder = Annotated[Path, Parameter(metavar="FOLDER", validator=_check_folder)]
 File = Annotated[Path, Parameter(metavar="FILE")]
 FileToRead = Annotated[File, Parameter(validator=_check_readable)]
-Workers = Annotated[Count, Parameter(help="Processes (default: one a core)")]
+Workers = Annotated[Count, Parameter(help="Processes (default: one per core)")]
 Ray = Annotated[
     str, Parameter(metavar="ADDRESS", help='Use the Ray cluster at this address instead, or start one here: "local"')
 ]

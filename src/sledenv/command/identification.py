@@ -40,7 +40,7 @@ Fixed = Annotated[tuple[tuple[str, float], ...], Parameter(metavar="NAME=VALUE",
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Shape:
-    """What a body is like.
+    """Shape of the body.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ class Shape:
 @Parameter(name="*", group=Group("For rebounds", sort_key=1))
 @dataclass(frozen=True)
 class Rebounds:
-    """What only a table of rebounds needs.
+    """Options of a table of rebounds.
 
     Parameters
     ----------
@@ -103,7 +103,7 @@ class Rebounds:
 @Parameter(name="*", group=Group("For poses over time", help="These need --radius and --slope-deg.", sort_key=2))
 @dataclass(frozen=True)
 class Tracks:
-    """What only poses over time need.
+    """Options of poses over time.
 
     Parameters
     ----------

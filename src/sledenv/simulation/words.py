@@ -188,9 +188,9 @@ def summary(descent: Descent) -> str:
     ledger = [(f"  {name}", rounded(value)) for name, value in energy._asdict().items()]
     ledger.append(("  residual", f"{energy.residual:.1e}"))
     metrics = ", ".join(f"{metric_name(name)} {rounded(float(value))}" for name, value in jam._asdict().items())
-    # A crash in the run-out takes back what there was at the line.
+    # A fall in the run-out takes back what there was at the finish.
     line = descent.at_line if descent.status == "finish" else None
-    passed = "" if line is None else f", all at the line, after {rounded(line[0])} s"
+    passed = "" if line is None else f", all at the finish, after {rounded(line[0])} s"
     lying = []
     if descent.on_chord is not None:
         time, x = descent.on_chord
