@@ -1,4 +1,4 @@
-"""Start of the command ``sledenv``: an interrupt while Python loads the package is told in one line too."""
+"""The start of the command ``sledenv``: an interrupt while Python loads the package is told in one line too."""
 
 import sys
 

@@ -1,4 +1,4 @@
-"""Zones of a slope: against tests/outline_oracle.py, closed forms, the mirror image and the ledger."""
+"""Zones of a slope against closed forms, and against the slope without zones."""
 
 from __future__ import annotations
 
@@ -297,9 +297,6 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -
         other = sledenv.simulate(body, SNOW, slope._replace(zones=far), dropped(body), **options)
         same_bits(one.outcome, other.outcome)
         same_bits(one.rebounds, other.rebounds)
-
-
-# --- ledger ----------------------------------------------------------------------------------------------------------
 
 
 # --- boundaries, whatever way places are rounded ----------------------------------------------------------------------

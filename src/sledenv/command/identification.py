@@ -40,7 +40,7 @@ Fixed = Annotated[tuple[tuple[str, float], ...], Parameter(metavar="NAME=VALUE",
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Shape:
-    """Shape of the body.
+    """Shape and inertia of a body.
 
     Parameters
     ----------
