@@ -219,11 +219,13 @@ REFUSED = [
     ("study pushoff", "unknown study 'pushoff' (did you mean 'push_off'?)"),
     ("benchmark --suite smoek", "unknown suite 'smoek' (did you mean 'smoke'?)"),
     ("simulate none.yaml", "none.yaml: cannot be read: there is no such file"),
+    ("simulate pipe.yaml", "pipe.yaml: cannot be read: must be a regular file, no folder, device or pipe"),
+    ("study folder.yaml", "folder.yaml: cannot be read: must be a regular file, no folder, device or pipe"),
     ("simulate broken.yaml", "broken.yaml: cannot be read"),
-    ("identify none.csv", "none.csv cannot be read: there is no such file"),
-    ("identify .", ". cannot be read: must be a regular file, no folder, device or pipe"),
-    ("identify /dev/zero", "/dev/zero cannot be read: must be a regular file, no folder, device or pipe"),
-    ("identify pipe", "pipe cannot be read: must be a regular file, no folder, device or pipe"),
+    ("identify none.csv", "none.csv: cannot be read: there is no such file"),
+    ("identify .", ".: cannot be read: must be a regular file, no folder, device or pipe"),
+    ("identify /dev/zero", "/dev/zero: cannot be read: must be a regular file, no folder, device or pipe"),
+    ("identify pipe.yaml", "pipe.yaml: cannot be read: must be a regular file, no folder, device or pipe"),
     ("identify thesis.tex --gyraton-radius 3", "Unknown option: --gyraton-radius. Did you mean --gyration-radius?"),
     ("simulate sled_snow --seed", "--seed needs a value"),
     ("simulate sled_snow --seed -1", "--seed: must be an integer >= 0: '-1'"),
@@ -270,8 +272,9 @@ def test_what_is_wrong_is_told_in_one_line_and_nothing_is_written(
     words: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "work").mkdir()
-    os.mkfifo("pipe")
+    for name in ("work", "folder.yaml"):
+        Path(name).mkdir()
+    os.mkfifo("pipe.yaml")
     for name in ("thesis.tex", "work/thesis.tex", "broken.yaml"):
         Path(name).write_text("id: [")
     before = sorted(tmp_path.rglob("*"))
