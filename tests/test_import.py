@@ -1,4 +1,4 @@
-"""What a first use of the environments loads, and that no modules import each other."""
+"""Imports: a first use of the environments loads little, and no modules import each other."""
 
 from __future__ import annotations
 

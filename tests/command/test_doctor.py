@@ -1,4 +1,4 @@
-"""What the doctor finds in a sound installation, and that it finds what is wrong."""
+"""The doctor: a sound installation is well, and what is wrong is found."""
 
 from __future__ import annotations
 

@@ -6,14 +6,9 @@ import io
 
 from rich.console import Console
 
-from sledenv.machine.text_tables import aligned, fitted, markdown
+from sledenv.machine.text_tables import aligned, fitted
 
 ROWS = (("name", "value", ""), ("a", "1.5", "low"), ("longer", "-10.25", ""))
-
-
-def test_markdown_has_a_line_a_row_after_its_names() -> None:
-    assert markdown(("a", "b"), [("1", "2")]) == "| a | b |\n| --- | --- |\n| 1 | 2 |\n"
-    assert markdown(("a",), []) == "| a |\n| --- |\n"
 
 
 def test_lines_are_as_wide_as_the_longest_cell_of_each_column() -> None:

@@ -12,7 +12,7 @@ from sledenv.kernel.records import Status
 from sledenv.reproduce import euler, euler_descent
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 from tests.bodies import same_bits
@@ -157,6 +157,7 @@ def test_rows_for_which_there_is_no_room_are_refused(monkeypatch: pytest.MonkeyP
         ({"record": "all"}, ValueError, "record = 'all': must be one of 'rebounds', 'trajectory'"),
         ({"law": "soft"}, TypeError, "law = 'soft': must be a ContactLaw"),
         ({"launch": State(0.0, 0.0, 0.0)}, ValueError, "below the surface"),
+        ({"slope": Slope(0.0, zones=[Zone(1.0, 2.0, 0.1, 0.0)])}, ValueError, "must be without profile and zones"),
     ],
     ids=str,
 )

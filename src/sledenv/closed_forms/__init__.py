@@ -1,1 +1,1 @@
-"""What has a solution in closed form: the wheel, where a body rests and tips; imports simulation/."""
+"""Closed forms: impacts of a wheel, where a body rests, tips and swings; imports simulation/."""

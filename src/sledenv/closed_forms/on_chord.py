@@ -186,7 +186,7 @@ def chord_finish_time(law: ContactLaw, slope: Slope, speed: float) -> float:
 
 
 class _Base(NamedTuple):
-    """What a body that lies flat on a side stands on."""
+    """Ends of the side on which a body lies flat."""
 
     downhill: float  # [m] arm a of the end downhill, which is not positive if the mass centre is over the side
     uphill: float  # [m] that of the other one

@@ -40,6 +40,13 @@ def within(most: float) -> Parameter:
     return Parameter(validator=Number(gte=-most, lte=most))
 
 
+def _check_readable(_: Any, file: Path) -> None:
+    if not file.exists():
+        raise ValueError(f"{file}: cannot be read: there is no such file")
+    if not file.is_file():
+        raise ValueError(f"{file}: cannot be read: must be a regular file, no folder, device or pipe")
+
+
 def _named(called: str, folder: Literal["scenarios", "studies", "suites"]) -> Parameter:
     """Return what refuses an unknown name or a missing file before anything large is loaded, and completes both."""
 
@@ -48,11 +55,7 @@ def _named(called: str, folder: Literal["scenarios", "studies", "suites"]) -> Pa
             return
         from sledenv.machine.shipped import find_file
 
-        file = find_file(called, folder, name)
-        if not file.is_file():
-            raise ValueError(
-                f"{file}: cannot be read: {'it is a folder' if file.is_dir() else 'there is no such file'}"
-            )
+        _check_readable(None, find_file(called, folder, name))
 
     def offered(context: CompletionContext) -> list[str]:
         from sledenv.machine.shipped import shipped
@@ -73,13 +76,6 @@ def _check_folder(_: Any, folder: Path | None) -> None:
         raise ValueError(str(error)) from error
 
 
-def _check_readable(_: Any, file: Path) -> None:
-    if not file.exists():
-        raise ValueError(f"{file} cannot be read: there is no such file")
-    if not file.is_file():
-        raise ValueError(f"{file} cannot be read: must be a regular file, no folder, device or pipe")
-
-
 Seed = Annotated[int, integer(0)]
 Seeds = Annotated[tuple[int, ...], Parameter(metavar="SEED"), integer(0, several=True)]
 Count = Annotated[int, Parameter(metavar="N"), integer(1)]
@@ -95,7 +91,7 @@ Json = Annotated[bool, Parameter(help="Print the result as one JSON document")]
 Folder = Annotated[Path, Parameter(metavar="FOLDER", validator=_check_folder)]
 File = Annotated[Path, Parameter(metavar="FILE")]
 FileToRead = Annotated[File, Parameter(validator=_check_readable)]
-Workers = Annotated[Count, Parameter(help="Processes (default: one a core)")]
+Workers = Annotated[Count, Parameter(help="Processes (default: one per core)")]
 Ray = Annotated[
     str, Parameter(metavar="ADDRESS", help='Use the Ray cluster at this address instead, or start one here: "local"')
 ]

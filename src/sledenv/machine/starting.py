@@ -1,4 +1,4 @@
-"""What ``python -m sledenv...`` tells while it loads a module: an interrupt and a missing package, in one line each."""
+"""Start of ``python -m sledenv...``: an interrupt and a missing package are told in one line each."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the paper computes, and what it leaves open: its data, our assumptions, the runs made with both."""
+"""Data of the paper, our assumptions where it leaves something open, and the runs made with both."""
 
 from __future__ import annotations
 

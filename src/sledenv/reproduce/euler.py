@@ -38,7 +38,7 @@ _compiled = numba.njit(cache=True, error_model="numpy")
 
 
 class _Given(NamedTuple):
-    """What a descent is subject to."""
+    """Numbers that stay the same in a descent."""
 
     stiffness: float  # [N/m]
     asymmetry: float  # [-]
@@ -69,7 +69,7 @@ class _Point(NamedTuple):
     moment: float  # [N m] of rolling resistance
 
 
-# What a contact keeps between two steps, besides the sums in its rebound.
+# State of a contact between two steps, besides the sums in its rebound.
 _CONTACT: Final = np.dtype([("touching", "i8"), ("slip", "f8")])  # [m/s] slip velocity at the touchdown
 
 
