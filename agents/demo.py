@@ -29,7 +29,7 @@ SCENARIO: Final = "sled_rollers"
 FLIGHTS: Final = 60_000  # that the small agent learns from; the one that ships has many more
 CONTEXTS: Final = 200
 SHIPPED: Final = TRAINED / f"{SCENARIO}-descent-trim-critic-s0"
-DRAWN: Final = ("no trims", "rule", "shipped")
+DRAWN: Final = {"no trims": "no agent", "rule": "rule", "shipped": "trained agent"}  # and what they are called
 _BEFORE, _BEHIND = 14.0, 8.0  # [m] of the ground around the fall that is drawn
 _POSES: Final = 30
 
@@ -37,25 +37,25 @@ Rider = tuple[Problem, Any]
 
 
 def strobe(riders: dict[str, Rider], scores: dict[str, Evaluation], path: Path) -> None:
-    """Draw how agents ride in one held-out context where the first of them falls, one above the other.
+    """Draw three rides in one held-out context, one above the other: two that fall, and that of the trained agent.
 
-    It is the context in which the last agent's gain over the first is the median of those in which the first falls.
+    Of the contexts in which the others fall and the agent finishes it is the one in which its reward is the median.
     """
-    first, last = scores[DRAWN[0]], scores[DRAWN[-1]]
-    gain = last.rewards - first.rewards
-    fallen = np.flatnonzero(first.fallen > 0.0)
-    candidates = fallen if fallen.size else np.arange(gain.size)
-    chosen = candidates[np.argsort(gain[candidates])[candidates.size // 2]]
+    nobody, rule, trained = (scores[name] for name in DRAWN)
+    shown = (nobody.fallen > 0.0) & (rule.fallen > 0.0) & (trained.status[:, 0] == "finish")
+    candidates = np.flatnonzero(shown) if shown.any() else np.arange(shown.size)
+    chosen = candidates[np.argsort(trained.rewards[candidates])[candidates.size // 2]]
     descents = []
     for name in DRAWN:
         problem, agent = riders[name]
-        scene = problem.trials(problem.contexts("test", gain.size), "test")[chosen]
+        scene = problem.trials(problem.contexts("test", shown.size), "test")[chosen]
         _, trims = problem.ride(agent, scene)
         descents.append(
             problem.task.ridden(problem.task.scenes(scene), trims[0][~np.isnan(trims[0])].tolist(), record="trajectory")
         )
     end = descents[0].state.x
-    figure = plot_strobe(descents, labels=DRAWN, frames=_POSES, between=(max(end - _BEFORE, 0.0), end + _BEHIND))
+    between = max(end - _BEFORE, 0.0), end + _BEHIND
+    figure = plot_strobe(descents, labels=list(DRAWN.values()), frames=_POSES, between=between)
     figure.savefig(path, dpi=130)
 
 

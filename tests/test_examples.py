@@ -142,7 +142,7 @@ def test_the_pages_on_environments_run(tmp_path, monkeypatch, capsys):
     assert pushed.control_bounds["speed"] == (2.0, 6.0)
     assert names["rewards"].shape == (4096,)
     with Image.open("film.webp") as film:
-        assert (film.size, film.n_frames > 30) == ((960, 540), True)
+        assert (film.size, film.n_frames > 10) == ((960, 540), True)
 
 
 def test_the_agent_and_the_suite_of_the_page_on_the_benchmark_are_valid(tmp_path, monkeypatch):

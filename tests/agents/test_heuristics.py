@@ -74,16 +74,6 @@ def test_land_flat_mirrors_with_the_disturbance():
     assert others == pytest.approx(-poses, abs=1e-6)
 
 
-def test_the_zero_action_earns_what_the_launch_earns_alone():
-    """Oracle: the descents of the same launches, bit for bit."""
-    problem = Problem(ride_over_bumps(), "descent")
-    contexts = problem.contexts("test", 30)
-    batch, firsts = problem.judge(zero.Agent(problem), contexts)
-    alone = problem.task.descend(problem.task.scenes(contexts)).jam.reward
-    assert np.array_equal(batch.jam.reward, alone)
-    assert firsts.tolist() == [[0.0]] * 30
-
-
 def test_replan_earns_more_than_the_rule_and_the_rule_more_than_nothing():
     """Oracle: the zero action; launches that pitch, which a trim can put right before they land."""
     content = ride_over_bumps(trim_rad_s=2.0).model_dump(by_alias=True)

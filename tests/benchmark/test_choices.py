@@ -63,15 +63,6 @@ def test_a_page_marks_what_the_words_tell(made: dict[int, Choices], page: str) -
         assert made[seed].plain[0]["reward"] == mark["expected"]
 
 
-def test_contexts_of_several_bodies_have_theirs() -> None:
-    """Oracle: the contexts."""
-    scenario = load_scenario(own_scenario("boulders"))
-    shapes = [int(scenario.sample(np.random.default_rng(seed)).shape) for seed in range(3)]
-    contexts = json.loads(data_of(map_page(scenario, range(3), {}))["exact"])["contexts"]
-    assert [context["body"] for context in contexts] == shapes
-    assert len(set(shapes)) > 1
-
-
 @needs_chromium
 @pytest.mark.jit_only
 def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: Path) -> None:

@@ -6,11 +6,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-import yaml
 
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import TRAINED, agent_class, is_trained, load_run, read_settings, train
-from sledenv.command.cli import main
 from sledenv.machine.blame import GivenCodeError
 
 RUN = TRAINED / "sled_mat-launch-spin-critic-s0"
@@ -27,18 +25,8 @@ class Agent:
         {load}
 
     def act(self, observations):
-        return np.zeros((len(observations), {width}), np.float32)
+        return np.zeros((len(observations), 1), np.float32)
 """
-
-
-def refused(capsys: pytest.CaptureFixture[str], *arguments: str, status: int = 2) -> str:
-    """Message of a command that ends with a status and prints only this line, after what it says it will do."""
-    assert main(arguments) == status
-    out, err = capsys.readouterr()
-    *said, message = err.splitlines()
-    assert out == ""
-    assert [line.partition(":")[0] for line in said] == ["benchmark"] * len(said)
-    return message
 
 
 @pytest.mark.parametrize(
@@ -59,41 +47,24 @@ def test_what_is_no_agent_is_refused(module: str, message: str) -> None:
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("x = 1\nx = {}['lr']\n", "importing it raised KeyError: 'lr' (clumsy_{n}.py, line 2)"),
-        (
-            "import no_such_package\n",
-            "raised ModuleNotFoundError: No module named 'no_such_package' (clumsy_{n}.py, line 1)",
-        ),
-        ("def f(:\n", "importing it raised SyntaxError: invalid syntax (clumsy_{n}.py, line 1)"),
+        ("x = 1\nx = {}['lr']\n", "importing it raised KeyError: 'lr' ({name}.py, line 2)"),
+        ("import no_such\n", "raised ModuleNotFoundError: No module named 'no_such' ({name}.py, line 1)"),
+        ("def f(:\n", "importing it raised SyntaxError: invalid syntax ({name}.py, line 1)"),
+        (AGENT.format(train="raise KeyError('lr')", load="pass"), "train raised KeyError: 'lr' ({name}.py, line 7)"),
+        (AGENT.format(train="pass", load="raise OSError('gone')"), "load raised OSError: gone ({name}.py, line 11)"),
     ],
 )
-def test_a_module_that_cannot_be_imported_is_told_with_the_place(
-    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+def test_an_agent_that_raises_an_error_is_told_with_the_place(
+    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.chdir(tmp_path)
+    """Oracle: the lines of the module; a run that was not trained leaves no folder."""
     monkeypatch.syspath_prepend(tmp_path)
     name = f"clumsy_{abs(hash(text))}"
     (tmp_path / f"{name}.py").write_text(text)
-    suite = {"id": "mine", "title": "Mine", "contexts": 2, "scenarios": ["sled_mat"], "agents": {"launch": {name: 1}}}
-    (tmp_path / "mine.yaml").write_text(yaml.safe_dump(suite))
-    told = refused(capsys, "benchmark", "--suite", "mine.yaml", status=1)
-    assert told.startswith(f"sledenv benchmark: error: agent {name!r}: importing it raised ")
-    assert message.format(n=name.removeprefix("clumsy_")) in told
-    assert not (tmp_path / "runs").exists()
-
-
-@pytest.mark.parametrize(("method", "line"), [("train", 7), ("load", 11)])
-def test_an_agent_that_raises_an_error_is_told_with_the_place(
-    method: str, line: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Oracle: the lines of the module above; a run that was not trained leaves no folder."""
-    monkeypatch.syspath_prepend(tmp_path)
-    broken = {"train": "pass", "load": "pass", "width": 1, method: "raise KeyError('lr')"}
-    (tmp_path / f"mine_{method}.py").write_text(AGENT.format(**broken))
     with pytest.raises(GivenCodeError) as raised:
-        load_run(train(f"mine_{method}", Problem("sled_mat"), {}, 0, tmp_path / "run"))
-    assert f"{method} raised KeyError: 'lr' (mine_{method}.py, line {line})" in str(raised.value)
-    assert (tmp_path / "run").exists() == (method == "load")
+        load_run(train(name, Problem("sled_mat"), {}, 0, tmp_path / "run"))
+    assert message.format(name=name) in str(raised.value)
+    assert (tmp_path / "run").exists() == ("load raised" in message)
 
 
 @pytest.mark.parametrize(
@@ -104,23 +75,21 @@ def test_an_agent_that_raises_an_error_is_told_with_the_place(
         ("seed: -1", "seed = -1: must be a whole number in [0, inf)"),
         ("{}", "scenario: missing"),
         ("launch_noise: [0, down]", "launch_noise.1 = 'down': must be a number in [0, inf)"),
-        (
-            "agent: !!python/object/apply:os.system ['touch x']",
-            "could not determine a constructor",
-        ),
+        ("agent: !!python/object/apply:os.system ['touch x']", "could not determine a constructor"),
         ("[" * 5000, "cannot be read"),
     ],
 )
 def test_a_configuration_that_is_none_is_told_in_one_line(
-    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Oracle: nothing of it is executed; it counts as a run that has not been trained."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "config.yaml").write_text(text)
-    told = refused(capsys, "map", "sled_mat", "--run", "run")
-    assert "run/config.yaml" in told.replace("\\", "/")
-    assert message in told
+    with pytest.raises(ValueError, match=r"config\.yaml") as raised:
+        load_run(tmp_path / "run")
+    assert message in str(raised.value)
+    assert "\n" not in str(raised.value)
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
     assert not is_trained("sledenv.agents.zero", Problem("sled_mat"), {}, 0, tmp_path / "run")
 

@@ -6,14 +6,13 @@ from functools import partial
 
 import numpy as np
 import pytest
-from gymnasium.vector import AutoresetMode, SyncVectorEnv
 
 import sledenv
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.inputs import FIELDS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
-from sledenv.envs.vector import SledDescentVector, SledLaunchVector
+from sledenv.envs.vector import SledLaunchVector
 from sledenv.kernel.records import RUNNING
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario
@@ -22,7 +21,6 @@ POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [
 DISC = {"kind": "disc", "mass_kg": 90, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 9.0}
 CONTENT = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json", by_alias=True)
 BODIES = [CONTENT["body"], POLYGON, DISC]
-KINDS = [(SledLaunch, SledLaunchVector), (SledDescent, SledDescentVector)]
 SHAPE = sledenv.Context._fields.index("shape")
 
 
@@ -37,22 +35,6 @@ def scenario(body: dict) -> sledenv.Scenario:
 
 
 SEVERAL = scenario({"kind": "choice", "of": BODIES})
-
-
-@pytest.mark.parametrize(("one", "many"), KINDS)
-def test_lanes_are_scalar_environments_whatever_bodies_they_have_one_after_the_other(one, many):
-    """Oracle: SyncVectorEnv of the scalar environment in all it returns."""
-    lanes, rng = 7, np.random.default_rng(0)
-    env = many(lanes, SEVERAL, autoreset_mode=AutoresetMode.SAME_STEP, info=sledenv.envs.info.INFO_KEYS)
-    sync = SyncVectorEnv([lambda: one(SEVERAL)] * lanes, autoreset_mode=AutoresetMode.SAME_STEP)
-    assert equal(env.reset(seed=3), sync.reset(seed=3))
-    seen = set()
-    for _ in range(30):
-        action = rng.uniform(-1.0, 1.0, env.action_space.shape).astype(np.float32)
-        step = env.step(action)
-        assert equal(step, sync.step(action))
-        seen |= set(step[0][:, SHAPE].tolist())
-    assert seen == {-1.0, 0.0, 1.0}
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])

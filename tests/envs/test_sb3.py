@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import pickle
+from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +12,7 @@ import pytest
 import torch
 from gymnasium.error import ResetNeeded
 from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.callbacks import BaseCallback, EvalCallback
+from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env as theirs
 from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
@@ -127,44 +128,25 @@ def test_algorithms_train_on_1024_lanes_with_one_call_save_and_load(make, env_id
     again.learn(1024, reset_num_timesteps=False)
 
 
-class Raw(BaseCallback):
-    """Keeps the returns of episodes before VecNormalize."""
-
-    def _on_training_start(self):
-        self.returns, self.sums = [], np.zeros(self.training_env.num_envs)
-
-    def _on_step(self):
-        self.sums += self.training_env.get_original_reward()
-        self.returns += self.sums[self.locals["dones"]].tolist()
-        self.sums[self.locals["dones"]] = 0.0
-        return True
-
-
 @both_ids
-def test_learning_and_evalcallback_tell_raw_returns_behind_vecnormalize(make, short_scenario, env_id, tmp_path):
-    """Oracle: SB3's own make_vec_env; the sums of the rewards before they are scaled."""
-    judged = make(4, 5, env_id), theirs(env_id, 4, 5, env_kwargs={"scenario": short_scenario})
-    folders = [tmp_path / "ours", tmp_path / "theirs"]
-    callbacks = [
-        EvalCallback(VecNormalize(env, training=False), n_eval_episodes=8, eval_freq=8, log_path=str(folder), verbose=0)
-        for env, folder in zip(judged, folders, strict=True)
-    ]
-    raw = Raw()
-    model = PPO("MlpPolicy", VecNormalize(make(8, 0, env_id)), n_steps=8, batch_size=32, n_epochs=1, seed=0)
-    model.set_logger(configure(str(tmp_path), ["csv"]))
-    model.learn(64, callback=[raw, *callbacks])
-    model.logger.close()
-    with (tmp_path / "progress.csv").open() as file:
-        rows = list(csv.DictReader(file))  # of the evaluation, of the rollout
-    judgement, rollout = (
-        next(filter(None, (row[name] for row in rows))) for name in ("eval/mean_reward", "rollout/ep_rew_mean")
-    )
-    assert 0 < len(raw.returns) <= 100  # of which SB3 tells the mean
-    assert float(rollout) == pytest.approx(np.mean(raw.returns), abs=1e-6)
-    ours, its = (np.load(folder / "evaluations.npz") for folder in folders)
-    assert np.array_equal(ours["results"], its["results"])
-    assert ((ours["results"] > 0.0) & (ours["results"] < 1.0)).all()
-    assert float(judgement) == pytest.approx(ours["results"].mean(), abs=1e-6)
+def test_training_and_evalcallback_tell_the_raw_returns_of_sb3s_own_lanes(make, short_scenario, env_id, tmp_path):
+    """Oracle: SB3's own make_vec_env behind VecNormalize, which scales rewards; raw returns are in (0, 1)."""
+    told, given = [], {"env_kwargs": {"scenario": short_scenario}}
+    for i, lanes in enumerate((partial(make, env_id=env_id), partial(theirs, env_id, **given))):
+        folder = tmp_path / str(i)
+        judged = VecNormalize(lanes(4, seed=5), training=False)
+        callback = EvalCallback(judged, n_eval_episodes=8, eval_freq=8, log_path=str(folder), verbose=0)
+        model = PPO("MlpPolicy", VecNormalize(lanes(8, seed=0)), n_steps=8, batch_size=32, n_epochs=1, seed=0)
+        model.set_logger(configure(str(folder), ["csv"]))
+        model.learn(64, callback=callback)
+        model.logger.close()
+        with (folder / "progress.csv").open() as file:
+            rows = list(csv.DictReader(file))  # of the evaluation, of the rollout
+        names = "eval/mean_reward", "rollout/ep_rew_mean"
+        means = [float(next(filter(None, (row[name] for row in rows)))) for name in names]
+        told.append((means, np.load(folder / "evaluations.npz")["results"].tolist()))
+    assert told[0] == told[1]
+    assert all(0.0 < mean < 1.0 for mean in told[0][0])
 
 
 def test_seeds_and_options_are_used_once(make, short_scenario):

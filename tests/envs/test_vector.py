@@ -17,6 +17,7 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.vector import CHEAP_INFO, SledVectorEnv
 from tests.envs.kinds import NATIVE, SCALAR, WIDTH, both_ids, equal
+from tests.envs.test_bodies import SEVERAL
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 MODES = list(AutoresetMode)
@@ -54,7 +55,8 @@ def test_make_vec_gives_the_native_batch_by_default_and_its_spec_makes_it_again(
 
 TASKS = [
     {"scenario": own_scenario("brake_mat")},
-    {"scenario": ride_over_bumps(noise_rad_s=0.3)},
+    {"scenario": ride_over_bumps(noise_rad_s=0.3), "max_episode_steps": 3},  # as by TimeLimit
+    {"scenario": SEVERAL},
     {"scenario": "paper_impact"},
     {
         "scenario": own_scenario("ice_fast"),
@@ -324,22 +326,6 @@ def test_a_restored_batch_goes_on_bit_for_bit(env_id, mode):
     drawn.step(todo[1])
     drawn.restore(taken)
     assert np.array_equal(drawn.render(), shown)
-
-
-@pytest.mark.parametrize("mode", MODES[:2])
-def test_a_limit_of_steps_truncates_as_gymnasiums_timelimit_does(mode):
-    """Oracle: SyncVectorEnv of scalar environments in TimeLimit."""
-    given = {"scenario": own_scenario("ice_drop"), "max_episode_steps": 3}
-    env = gym.make_vec(DESCENT_ID, 4, autoreset_mode=mode, info=INFO_KEYS, **given)
-    sync = gym.make_vec(DESCENT_ID, 4, vectorization_mode="sync", vector_kwargs={"autoreset_mode": mode}, **given)
-    assert equal(env.reset(seed=3), sync.reset(seed=3))
-    rng, cut = np.random.default_rng(0), 0
-    for _ in range(15):
-        action = actions(rng, 4, DESCENT_ID)
-        step = env.step(action)
-        assert equal(step, sync.step(action))
-        cut += step[3].sum()
-    assert cut > 5
 
 
 @pytest.mark.parametrize("seed", [5, [5, None, 7]], ids=str)
