@@ -190,7 +190,7 @@ def test_the_step_and_the_simulation_of_the_readme_run(tmp_path, monkeypatch):
 @pytest.mark.slow
 @pytest.mark.parametrize(("page", "numbers"), [("README.md", [2]), ("docs/environments.md", [-3, -2])])
 def test_the_training_of_a_page_runs(page, numbers, capsys):
-    """Oracle: the .592 of no trims in the same contexts."""
+    """Oracle: the 0.592 of no trims in the same contexts."""
     torch.set_num_threads(1)  # more wait for each other on a busy machine
     code = blocks(page)
     run([code[number].replace("progress_bar=True", "progress_bar=False") for number in numbers])
