@@ -31,7 +31,7 @@ _PLAIN = gym.wrappers.TimeLimit, gym.wrappers.OrderEnforcing, gym.wrappers.Passi
 
 
 class Target(NamedTuple):
-    """What takes the place of CartPole."""
+    """An environment in the place of CartPole."""
 
     env_id: str
     scalar: str  # classes in sledenv.envs

@@ -1,4 +1,4 @@
-"""What is built of the package holds all that a checkout has, and works where there is none."""
+"""A wheel, a source distribution and an editable install hold all that a checkout has, and work where there is none."""
 
 from __future__ import annotations
 
