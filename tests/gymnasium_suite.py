@@ -31,7 +31,7 @@ _PLAIN = gym.wrappers.TimeLimit, gym.wrappers.OrderEnforcing, gym.wrappers.Passi
 
 
 class Target(NamedTuple):
-    """What takes the place of CartPole."""
+    """An environment in the place of CartPole."""
 
     env_id: str
     scalar: str  # classes in sledenv.envs
@@ -54,7 +54,7 @@ LEFT_OUT = {
     "tests/envs/registration/test_pprint_registry.py": "a printed list of Gymnasium's own environments",
     "tests/envs/test_env_implementation.py": "rules of single environments of Gymnasium",
     "tests/functional": "JAX's own environments",
-    "tests/utils/test_performance.py": "steps a second for a given time",
+    "tests/utils/test_performance.py": "steps per second for a given time",
     "tests/utils/test_play.py": "plays by the keyboard, which needs discrete actions",
     "tests/utils/test_save_video.py": "films of hundreds of episodes, of a thousand pictures each",
     "tests/wrappers/test_human_rendering.py": "a window, in which a descent plays at its own rate",

@@ -28,7 +28,7 @@ Polyline = list[tuple[float, float]]
 
 
 def hollow(radius: float, turn: float, shift: float = 0.0, half: float = 0.5) -> Polyline:
-    """A round dip, cut into pieces that turn by some angle each; x = 0 is a vertex or, shifted by .5, between two."""
+    """A round dip, cut into pieces that turn by some angle each; x = 0 is a vertex or, shifted by 0.5, between two."""
     angles = turn * (np.arange(-math.ceil(half / turn), math.ceil(half / turn) + 1) + shift)
     return [(float(radius * math.sin(a)), float(radius * (1.0 - math.cos(a)))) for a in angles]
 

@@ -98,16 +98,6 @@ def test_the_cases_do_what_they_are_for(monkeypatch: pytest.MonkeyPatch) -> None
     assert sum(steps == 0 for steps, _ in calls) > 2
 
 
-def test_rows_without_room_are_counted_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Oracle: a descent of 1e12 rows is counted in as many calls as one of a few; their number is out of all reach."""
-    calls = counted(monkeypatch)
-    for interval in (1e-9, 1e-12):
-        calls.clear()
-        with pytest.raises(MemoryError, match=rf"sample_interval = {interval}: the \d+ rows of this trajectory take"):
-            simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory", sample_interval=interval)
-        assert len(calls) <= 2
-
-
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 def test_a_ride_in_many_calls_is_that_in_one(solver: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     """Oracle: simulate; a ride that is interrupted in a hop stands where that began, and goes on as if nothing were."""

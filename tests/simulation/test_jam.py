@@ -24,7 +24,7 @@ from sledenv.kernel.records import (
 from sledenv.kernel.records import FINISH as FINISHED
 from sledenv.simulation.bodies import segment
 from sledenv.simulation.jam import descent_jam, rebound_jam
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -101,13 +101,17 @@ def test_a_wheel_that_slides_throughout_uses_all_friction(u: float, grip: float 
 @example(5e-324, 0.0, 0.0, 0.0)
 @given(st.floats(0.0, 1.0), st.floats(-math.pi, math.pi), st.floats(-5.0, 5.0), st.floats(-20.0, 20.0))
 def test_metrics_of_a_rebound_lie_in_their_ranges(friction: float, phi: float, u: float, omega: float) -> None:
-    """Oracle: Coulomb's bound, and the clips."""
-    law = ContactLaw(1e6, 0.5, friction, 0.001)
-    launch = State(0.0, 0.3 + support_height(SEGMENT, phi), phi, u, -1.0, omega)
-    jam = simulate(SEGMENT, law, Slope(0.1), launch, max_time=2.0, max_rebounds=20).rebound_jam
+    """Oracle: Coulomb's bound, with the friction of the zone that the contact is in, and the clips."""
+    body, slope = SEGMENT, Slope(0.1, zones=[Zone(0.1, 0.3, 0.1 * friction, 0.0)])
+    launch = State(0.0, 0.3 + support_height(body, phi), phi, u, -1.0, omega)
+    descent = simulate(body, ContactLaw(1e6, 0.5, friction, 0.001), slope, launch, max_time=2.0, max_rebounds=20)
+    jam, rows = descent.rebound_jam, descent.rebounds
     assert ((jam.grip >= 0.0) & (jam.grip <= 1.0)).all()
     assert ((jam.tangential_loss >= 0.0) & (jam.tangential_loss <= 1.0)).all()
     assert (jam.nearly_stuck >= jam.stuck).all()
+    available = np.where(np.abs(rows["x_contact"] - 0.2) < 0.1, 0.1, 1.0) * friction * rows["normal_impulse"]
+    used = np.minimum(np.abs(rows["tangential_impulse"]), available)
+    assert jam.grip * available == pytest.approx(used, rel=1e-9, abs=1e-300)
 
 
 # --- a descent --------------------------------------------------------------------------------------------------------

@@ -9,7 +9,7 @@ import sys
 import threading
 from collections import deque
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -64,30 +64,19 @@ def alone() -> np.ndarray:
         return descended()
 
 
-def in_threads() -> list[np.ndarray]:
-    with ThreadPoolExecutor(3) as pool:
-        return list(pool.map(descended, range(6)))
-
-
-def in_processes(start: str) -> Callable[[], list[np.ndarray]]:
-    def run() -> list[np.ndarray]:
-        with ProcessPoolExecutor(2, multiprocessing.get_context(start)) as pool:
-            return list(pool.map(descended, range(3)))
-
-    return run
-
-
-def by_joblib() -> list[np.ndarray]:
-    return list(runner(2)([(descended, (i,)) for i in range(3)]))
+def pooled(pool: Executor) -> list[np.ndarray]:
+    """Outcomes of several batches that a pool simulates."""
+    with pool:
+        return list(pool.map(descended, range(4)))
 
 
 CALLERS: dict[str, Callable[[], list[np.ndarray]]] = {
-    "threads": in_threads,
-    "spawned": in_processes("spawn"),
-    "joblib": by_joblib,
+    "threads": lambda: pooled(ThreadPoolExecutor(3)),
+    "spawned": lambda: pooled(ProcessPoolExecutor(2, multiprocessing.get_context("spawn"))),
+    "joblib": lambda: list(runner(2)([(descended, (i,)) for i in range(3)])),
 }
 if sys.platform == "linux":
-    CALLERS["forked"] = in_processes("fork")
+    CALLERS["forked"] = lambda: pooled(ProcessPoolExecutor(2, multiprocessing.get_context("fork")))
 
 
 @pytest.mark.filterwarnings("ignore:.*use of fork:DeprecationWarning")  # Python's own, of any process with threads

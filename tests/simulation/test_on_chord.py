@@ -14,7 +14,6 @@ from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.support import support_height
-from sledenv.simulation.words import rounded, summary
 from tests.own_scenarios import own_scenario
 
 BODY = circular_segment(100.0, 0.5, math.radians(110.0))
@@ -63,14 +62,6 @@ def test_a_descent_that_may_ends_where_it_first_lies_on_its_chord_and_else_goes_
         assert cut.jam.retention == 0.0
         assert abs(cut.energy.residual) <= 1e-12 * cut.energy.turnover
     assert min(seen.values()) >= 3, seen
-
-
-def test_the_words_say_since_when_a_body_lies_on_its_chord() -> None:
-    """Oracle: the numbers of the descent; nothing is said of one that never lay there."""
-    on_chord = {one.on_chord is None: one for one in descents("compliant", False)}
-    time, x = on_chord[False].on_chord or (0.0, 0.0)
-    assert f"first lay on it, settled, after {rounded(time)} s at x = {rounded(x)} m" in summary(on_chord[False])
-    assert "settled" not in summary(on_chord[True])
 
 
 # --- scenarios --------------------------------------------------------------------------------------------------------

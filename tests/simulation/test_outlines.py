@@ -24,7 +24,6 @@ from sledenv.simulation.outlines import (
     mass_properties,
     outline_of,
     shifted,
-    sines_and_cosines,
 )
 from sledenv.simulation.shapes import hull, polygon, rod
 
@@ -162,7 +161,7 @@ def neighbours(body: Body, k: int) -> list[str | None]:
 
 
 def told(body: Body, row: int) -> tuple[object, ...]:
-    """What a record says of an arc and of those beside it, whichever frame it is told in."""
+    """Return what a record says of an arc and of those beside it, whichever frame it is told in."""
     record, rows = body._listed()[0], arcs_of_rows(body)
     beside = [int(record[name][row]) for name in ("falling", "rising")]
     return *(None if other < 0 else body.arcs[rows[other]].part for other in beside), record["sinks"][row]
@@ -336,13 +335,6 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
 
 
 # --- angles ----------------------------------------------------------------------------------------------------------
-
-
-@given(st.floats(-6.0, 6.0))
-def test_directions_are_sine_and_cosine(angle: float) -> None:
-    """Oracle: the library of the platform."""
-    (sine,), (cosine,) = sines_and_cosines(np.array([angle]))
-    assert (sine, cosine) == pytest.approx((math.sin(angle), math.cos(angle)), abs=4e-16)
 
 
 @given(st.floats(-math.pi, math.pi, exclude_max=True), st.floats(1e-6, 1e6))

@@ -1,4 +1,4 @@
-"""What is told of the ground around a place and of a landing, against slow and obvious versions."""
+"""The ground around a place and a landing as they are told, against slow and obvious versions."""
 
 from __future__ import annotations
 

@@ -144,20 +144,3 @@ def test_rows_of_zones_hold_seven_numbers(zones: int) -> None:
         for row, slope in zip(scenes.rows, slopes, strict=True):
             own = scenes.zones[int(row["zones"]) : int(row["zones_end"])]
             np.testing.assert_array_equal([row["angle"], row["length"], row["gravity"], *own.ravel()], slope.row)
-
-
-@pytest.mark.jit_only
-@pytest.mark.parametrize("body", [DISC, SHARP], ids=["disc", "flat square"])
-@pytest.mark.parametrize("angle", [0.0, 0.3])
-def test_rigid_surfaces_have_the_restitution_of_their_zone(body: Any, angle: float) -> None:
-    """Oracle: the same descent under a law with that restitution."""
-    smooth, bouncy = (ContactLaw.from_restitution(e, stiffness=1e6, friction=0.0, rolling_arm=0.0) for e in (0.8, 0.3))
-    zone, launch = Zone(-100.0, math.inf, 0.0, 0.0, restitution=0.3), State(0.0, body.size + 1.0, 0.0, 1.0)
-    settings = Settings("rigid", max_time=5.0, max_rebounds=8)
-    found, expected, without = (
-        simulate(body, law, Slope(angle, zones=zones), launch, settings).rebounds
-        for law, zones in ((smooth, [zone]), (bouncy, []), (smooth, []))
-    )
-    for name in ("t", "v_after", "omega_after"):
-        np.testing.assert_allclose(found[name], expected[name], rtol=1e-12, atol=1e-12)
-    assert found["v_after"][0] != without["v_after"][0]

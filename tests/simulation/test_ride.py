@@ -266,38 +266,24 @@ def test_no_copy_moves_what_it_is_a_copy_of():
     assert (batch.descents().rebounds == simulate(body, law, slope, launch).rebounds[:1]).all()
 
 
-def test_bodies_that_end_at_a_part_have_it_at_the_same_place():
-    """Oracle: the message; a batch that was not misused."""
-    settings, (first, other) = Settings(end_touching="chord"), (segment(1, 1, 0.95, 0.3, alpha) for alpha in (0.4, 0.5))
-    (_, law, slope, launch), bodies = problem(own_scenario("ice_drop"), 0), (first, other)
-    launches = [launch._replace(y=2.0)] * 2
-    rides, twin = (RideBatch(bodies, law, slope, launches, settings) for _ in range(2))
-    with pytest.raises(ValueError, match=r"end_touching = 'chord': must be a part of the body"):
-        rides.launch(np.arange(2), law, slope, launches, BODIES[1])
-    moved = Body(first.mass, first.inertia, [arc._replace(part="arc") for arc in first.arcs])
-    with pytest.raises(ValueError, match=r"end_touching = 'chord': must have the same place in the parts of all"):
-        rides.launch(np.arange(1), law, slope, launches[:1], moved)
-    for each in (rides, twin):
-        each.hop(np.zeros(2))
-    assert np.array_equal(rides.outcomes(), twin.outcomes())
-
-
 def test_misuse_of_a_batch_leaves_it_as_it_is():
-    """Oracle: a batch that was not misused; messages are those of the table of wrong inputs."""
-    problems = [problem(own_scenario("ice_drop"), seed) for seed in range(3)]
-    rides, twin = batch(problems, rotor_inertia=ROTOR), batch(problems, rotor_inertia=ROTOR)
-    laws, slopes, launches = columns(problems)
-    buried = [launches[0], launches[1]._replace(y=0.0)]
+    """Oracle: a batch that was not misused; other messages are those of the table of wrong inputs."""
+    body, law, slope, launch = lifted(BODIES[:1], [0])[0]
+    settings, launches = Settings(end_touching="nose"), [launch] * 3
+    rides, twin = (RideBatch(body, law, slope, launches, settings, rotor_inertia=ROTOR) for _ in range(2))
+    moved = Body(body.mass, body.inertia, body.arcs)  # whose first part is its nose
     for call in (
         lambda: rides.hop(np.array([0.0, np.nan, 0.0])),
-        lambda: rides.launch(np.array([1, 1]), laws[0], slopes[0], launches[:2]),
-        lambda: rides.launch(np.arange(2), laws[:2], slopes[:2], buried),
-        lambda: batch(problems).hop(np.ones(3)),  # without a rotor
+        lambda: rides.launch(np.array([1, 1]), law, slope, launches[:2]),
+        lambda: rides.launch(np.arange(2), law, slope, [launch, launch._replace(y=0.0)]),
+        lambda: rides.launch(np.arange(1), law, slope, launches[:1], BODIES[1]),  # of other parts
+        lambda: rides.launch(np.arange(1), law, slope, launches[:1], moved),  # or of others at their places
+        lambda: RideBatch(body, law, slope, launches).hop(np.ones(3)),  # without a rotor
         lambda: rides.outcomes([5]),
         lambda: rides.descents([5]),
         lambda: rides.take(np.array([3])),
     ):
-        with pytest.raises((ValueError, IndexError), match=r"no rotor|must be|no two|below the surface"):
+        with pytest.raises((ValueError, IndexError), match=r"no rotor|must be|must have|no two|below the surface"):
             call()
     for each in (rides, twin):
         each.hop(np.zeros(3))

@@ -394,39 +394,6 @@ def test_a_wheel_that_rolls_up_and_back_has_the_derivatives_by_a_rolling_arm_of_
     assert found.distances[-1, 0] == pytest.approx([math.inf, r * math.tan(angle)], rel=1e-6)
 
 
-@pytest.mark.parametrize(("friction", "sticks"), [(0.1, False), (0.9, True)])
-@pytest.mark.parametrize("restitution", [0.3, 1.0])
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_an_impact_that_turns_the_spin_has_the_derivatives_by_a_rolling_arm_of_zero(
-    solver: Any, restitution: float, friction: float, sticks: bool
-) -> None:
-    """Oracle: docs/physics.md, section 3, to first order in the arm, of a wheel without weight.
-
-    Under a normal impulse I = (1 + e) m v friction turns the spin after I_1 = J |omega|/(f r). A slip that stays leaves
-    J omega_1 with a change of arm (I - 2 I_1), and u_1 with none. One that ends leaves the wheel rolling: u_1 = -r
-    omega_1, and then it is J omega - m r u that changes by so much.
-    """
-    m, r, j, u, v, omega = 1.0, 0.5, 0.1, 3.0, 1.0, 0.4
-    found = sensitivity(
-        segment(m, r, 0.0, j),
-        law_of(restitution, friction),
-        Slope(0.0, gravity=0.0),
-        State(0.0, 2.0 * r, 0.0, u, -v, omega),
-        Settings(solver, max_rebounds=1),
-        parameters=["rolling_arm"],
-    )
-    impulse, turn = (1.0 + restitution) * m * v, j * omega / (friction * r)
-    after = found.descent.rebounds[0]
-    assert after["omega_after"] < 0.0
-    assert (abs(after["u_after"] + r * after["omega_after"]) < 1e-12) == sticks
-    change = impulse - 2.0 * turn
-    by_arm = change / (j + m * r * r if sticks else j)
-    assert found.of_rebounds("omega_after", "rolling_arm")[0] == pytest.approx(by_arm, rel=1e-9)
-    by_arm = -r * by_arm if sticks else 0.0
-    assert found.of_rebounds("u_after", "rolling_arm")[0] == pytest.approx(by_arm, rel=1e-9, abs=1e-9)
-    assert (found.sides == 1).all()
-
-
 @pytest.mark.parametrize("of_zone", [False, True])
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 def test_a_slip_that_turns_has_the_derivative_by_a_friction_of_zero(solver: Any, of_zone: bool) -> None:

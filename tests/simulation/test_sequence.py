@@ -46,7 +46,7 @@ def test_first_rigid_rebounds_have_the_same_code_just_when_their_impacts_have_th
 
 
 def branches(trajectory: np.ndarray, start: float, end: float) -> tuple[tuple[int, ...], ...]:
-    """What a contact does in turn: feature, signs of slip, spin and gap rate, as the rows between two times tell."""
+    """Return feature and signs of slip and spin of a contact in turn, as the rows between two times tell."""
     rows = trajectory[(trajectory["feature"] > 0) & (trajectory["t"] >= start) & (trajectory["t"] <= end)]
     # Within a step signs stay; at its two ends rows share their time with those of its neighbours.
     found: list[tuple[int, ...]] = []

@@ -1,4 +1,4 @@
-"""What is said and written about a body and its parts: words, tables, JSON."""
+"""Words, tables and JSON of a body and its parts."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
 
 
 def first_line(body: Body) -> str:
-    """What is said of a body."""
+    """Return the line that is said of a body."""
     descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
     return setting(body, descent.law, descent.slope, descent.launch).splitlines()[0]
 
