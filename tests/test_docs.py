@@ -24,6 +24,14 @@ PAGES = [
     "docs/architecture.md",
     *(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "decisions").glob("*.md")),
 ]
+LINKING = [
+    "README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+    "agents/README.md",
+    *(str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs").rglob("*.md"))),
+]
+CODE = re.compile(r"^( *)```.*?^ *```", re.MULTILINE | re.DOTALL)
 
 
 def words(text: str) -> set[str]:
@@ -63,6 +71,26 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     assert [path for path in sorted(paths) if not any(f"/{path}" in one for one in there)] == []
     names = {word for span in spans - paths for word in words(span)} | {word for word in words(drawn) if "_" in word}
     assert sorted(names - known) == []
+
+
+def anchors(page: Path) -> set[str]:
+    """The slugs that MyST gives to the headings of a page, as GitHub does."""
+    text = CODE.sub("", page.read_text(encoding="utf-8"))
+    titles = [re.sub(r"\]\([^)]*\)", "", one) for one in re.findall(r"^#{1,4} (.+)$", text, re.MULTILINE)]
+    return {re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-") for title in titles}
+
+
+@pytest.mark.parametrize("page", LINKING)
+def test_a_link_leads_to_a_file_and_a_heading(page: str) -> None:
+    """Oracle: the files of the repository and the headings of its pages. Addresses of the web are left alone."""
+    text = CODE.sub("", (ROOT / page).read_text(encoding="utf-8"))
+    lost = []
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        name, _, anchor = link.partition("#")
+        target = (ROOT / page).parent / name if name else ROOT / page
+        if "://" not in link and not (target.exists() and (not anchor or anchor in anchors(target))):
+            lost.append(link)
+    assert lost == []
 
 
 def test_the_gallery_has_the_scores_of_each_scenario() -> None:
