@@ -83,7 +83,7 @@ def report(commit: str, times: dict[str, Floats]) -> str:
 
 
 def versus(
-    commit: str,
+    commit: Annotated[str, Parameter(metavar="COMMIT")],
     /,
     *,
     only: Annotated[tuple[Name, ...], Parameter(consume_multiple=True)] = (),
