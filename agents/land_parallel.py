@@ -34,5 +34,5 @@ class Agent(Untrained):
         time, _, pitch, *_ = look_out(scenes, flights).landings.T
         turn, omega = pitch - flights["phi"], flights["omega"]
         wanted = (turn - _TURN * np.rint((turn - omega * time) / _TURN)) / time
-        trims = wanted - omega + flights["trim"]
+        trims = wanted - omega + flights["trim_spin"]
         return np.asarray(np.clip(trims / rider.trim_rad_s, -1.0, 1.0)[:, np.newaxis], np.float32)

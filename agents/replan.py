@@ -124,7 +124,7 @@ class Agent:
         """Return what rides earn if so many spins are tried in their next flights, shape (m,)."""
         if not spins and self._critic is None:
             while (rides.flights["status"] == RUNNING).any():
-                rides.hop(rides.flights["trim"])
+                rides.hop(rides.flights["trim_spin"])
         worth: Floats = descent_jam(rides.flights, rides.scenes.of_body("mass"), lengths).reward
         running = np.flatnonzero(rides.flights["status"] == RUNNING)
         if running.size and spins:

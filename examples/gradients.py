@@ -41,7 +41,7 @@ def land_parallel(rides: Simulator) -> Floats:
     time, _, pitch, *_ = look_out(rides.scenes, rides.flights).landings.T
     turn, omega = pitch - rides.flights["phi"], rides.flights["omega"]
     wanted = (turn - 2.0 * np.pi * np.rint((turn - omega * time) / (2.0 * np.pi))) / time
-    return np.asarray(np.clip(wanted - omega + rides.flights["trim"], -1.0, 1.0))
+    return np.asarray(np.clip(wanted - omega + rides.flights["trim_spin"], -1.0, 1.0))
 
 
 def reward(begun: Simulator, spins: Floats) -> Floats:

@@ -161,7 +161,7 @@ def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_gro
             expected = (
                 1.0 - row["x"] / 40.0, (row["y"] - ground) / (0.4 * body.size), np.sin(row["phi"]),
                 np.cos(row["phi"]), 4.0 * row["u"] / speed, 8.0 * row["v"] / speed, 3.0 * row["omega"] / spin,
-                row["trim"] / lent, 4.0 * row["supplied"] / (body.mass * speed**2),
+                row["trim_spin"] / lent, 4.0 * row["supplied"] / (body.mass * speed**2),
                 row["t"] * speed / (3.0 * 40.0), row["rebounds"] / 15.0,
             )  # fmt: skip
             assert len(expected) == len(STATE)
@@ -283,7 +283,7 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
                 *_, ended, _, _ = env.step(action)
                 error = scenario.errors(context[:, -1], np.array([k]))[0]
                 asked.append(scenario.rider.trim_rad_s * float(action[0]) + error)
-                lent.append(float(env.episodes.lanes.flights["trim"][0]))
+                lent.append(float(env.episodes.lanes.flights["trim_spin"][0]))
                 k += 1
         assert lent == asked
         assert (context[0, -1] > 0.0) == (scenario is BUMPS or scenario.rider.noise_rad_s > 0.0)

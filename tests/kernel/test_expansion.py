@@ -133,25 +133,6 @@ def test_series_obey_newtons_equations_from_end_to_end_of_a_step(
         assert not np.any(zero[: ORDER + 1])
 
 
-def test_a_block_that_slides_flat_keeps_its_spin_and_both_its_gaps() -> None:
-    """Oracle: m u' = m g (sin(beta) - f cos(beta)): both have the same friction, so shares do not matter."""
-    space = new_space()
-    put(space, (0.0, 0.3, 0.0), (2.0, 0.0, 0.0))
-    friction = 0.25
-    for arc in (1, 2):
-        contact = touch(BLOCK, pieces_of([]), space, (ARC_PIECE, arc, 0), Spring(friction=friction))
-        contact["gap_still"], contact["slip_sign"] = 1, 1
-        contact["gap_rate"] = 0.0
-    space["contacts"]["spin_still"] = 1
-    expand(BLOCK, SLOPE, space)
-    series = space["series"]
-    assert series["u"][1] == pytest.approx(SLOPE.downhill - friction * SLOPE.inward, rel=1e-14)
-    np.testing.assert_allclose(series["u"][2 : ORDER + 1], 0.0, atol=1e-12)
-    np.testing.assert_allclose(series["v"][: ORDER + 1], 0.0, atol=1e-12)
-    for zero in (*(series[name] for name in ("omega", "sw", "cw")), *(series["of"][c]["gap_rate"] for c in (0, 1))):
-        assert not np.any(zero[: ORDER + 1])
-
-
 @pytest.mark.parametrize("omega", [0.0, 3.0, -0.7])
 def test_terms_in_flight(omega: float) -> None:
     """Oracle: a parabola, a constant spin, and the series of sine and cosine."""

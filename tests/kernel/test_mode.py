@@ -223,24 +223,6 @@ def test_forces_obey_the_laws(kind: str, data: st.DataObject) -> None:
 # --- locks that depend on each other ---------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("speed", [-2.0, 3.0])
-@pytest.mark.parametrize("friction", [0.05, 0.3])
-def test_a_block_that_slides_flat_keeps_flat(speed: float, friction: float) -> None:
-    """Oracle: m u' = m (g sin(beta) - f g cos(beta) sgn u); gap rates stay zero, exactly."""
-    slope = incline(0.2)
-    share = float(BLOCK["mass"]) * slope.inward / 2.0
-    each = [Spring(share / 2e4, 3e4, 1e4, friction, 0.0)] * 2
-    scene = Scene(PLANE, slope, (0.0, 0.3, 0.0), (speed, 0.0, 0.0), FLAT, each, (0, 2, -1))
-    space = prepared(scene)
-    assert not choose(BLOCK, PLANE, slope, space)
-    assert space["choice"]["du"] == pytest.approx(
-        slope.downhill - math.copysign(friction, speed) * slope.inward, rel=1e-12
-    )
-    assert abs(space["choice"]["dv"]) + abs(space["choice"]["domega"]) < 1e-9
-    assert all(space["contacts"]["at"][c]["gap_still"] for c in (0, 1))
-    check_laws(scene, space)
-
-
 @pytest.mark.parametrize("noise", [0.0, 1e-13])
 def test_what_depends_on_zeros_becomes_exactly_zero(noise: float) -> None:
     """Oracle: two gap rates of one normal are zero, so the spin is; a slip is then the same everywhere."""

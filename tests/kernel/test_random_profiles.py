@@ -127,6 +127,6 @@ def test_the_ledger_closes_over_a_profile_with_trims(number: int) -> None:
     again = copies[len(copies) // 2]
     for later in copies[len(copies) // 2 + 1 :]:
         again.hop()
-        again.trim(later.lent)
+        again.trim(later.trim_spin)
     again.hop()
     assert again.descent().outcome == descent.outcome

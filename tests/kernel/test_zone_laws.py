@@ -66,17 +66,6 @@ def test_a_contact_keeps_the_springs_of_where_it_began(sign: float) -> None:
     assert row["v_after"] == pytest.approx(bounced(-row["v_before"], 0.3, 1e6)[0], rel=1e-10)
 
 
-def test_friction_of_a_contact_changes_where_its_springs_do_not() -> None:
-    """Oracle: momentum: F = -f N while the ball slides in the rough zone, nothing behind its end."""
-    fall = math.sqrt(2.0 * 0.5 / G)
-    speed = 40.0
-    soft = {"restitution": 0.9, "stiffness": 2e4}
-    row = first_rebound(0.0, [zone(speed * fall - 1.0, speed * fall + 0.3, 0.2, **soft)], u=speed)
-    assert row["v_after"] == pytest.approx(bounced(-row["v_before"], **soft)[0], rel=1e-10)
-    assert 0.0 < -row["tangential_impulse"] < 0.2 * row["normal_impulse"] * (1.0 - 1e-3)
-    assert BALL.mass * (row["u_after"] - speed) == pytest.approx(row["tangential_impulse"], rel=1e-10)
-
-
 @pytest.mark.parametrize("rough_ahead", [True, False])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_on_a_crest_that_is_a_boundary_the_larger_friction_holds(rough_ahead: bool, sign: float) -> None:

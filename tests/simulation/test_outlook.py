@@ -106,7 +106,7 @@ def test_a_landing_is_where_a_march_along_the_parabola_meets_the_ground(rounding
         flights["x"], flights["phi"] = rng.uniform(0.0, 5.0), rng.uniform(-9.0, 9.0)
         flights["y"] = slope.height_at(flights["x"]) + lying + rng.uniform(0.02, 0.6)
         flights["u"], flights["v"], flights["omega"] = rng.uniform(2.0, 9.0), rng.uniform(0.0, 2.0), rng.normal()
-        flights["trim"] = 0.3
+        flights["trim_spin"] = 0.3
         seen = look_out(scenes, flights)
         found = dict(zip(LANDING, seen.landings[0, : len(LANDING)].tolist(), strict=True))
         time, x = slow_landing(slope, flights[0], lying)

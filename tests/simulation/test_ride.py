@@ -84,7 +84,7 @@ def test_the_ledger_of_a_trimmed_descent_closes_at_every_rebound(name, solver):
         ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=200), rotor_inertia=ROTOR)
         ride.hop()
         while ride.status == Status.RUNNING:
-            before, held, energy, spin = ride.state, ride.lent, ride.descent().energy, rng.uniform(-2.0, 2.0)
+            before, held, energy, spin = ride.state, ride.trim_spin, ride.descent().energy, rng.uniform(-2.0, 2.0)
             ride.trim(spin)
             after, ledger = ride.state, ride.descent().energy
             trimmed += 1
@@ -111,7 +111,7 @@ def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
     ride = Ride(body, law, slope, State(0.0, 3.0, 0.0, 1.0, 0.0, 0.5), rotor_inertia=ROTOR)
     ride.trim(2.0)
     assert ride.state.omega == 2.5
-    assert ride.lent == 2.0
+    assert ride.trim_spin == 2.0
     work = body.inertia * 2.0 * 1.5 + (body.inertia * 2.0) ** 2 / (2.0 * ROTOR)
     assert ride.descent().energy.work == pytest.approx(work, rel=1e-14)
     ride.trim(0.0)

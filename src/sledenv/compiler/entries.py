@@ -1,4 +1,4 @@
-"""What Python calls from compiled code: functions with C signatures, of pointers, lengths and numbers."""
+"""Functions that Python calls from compiled code, with C signatures of pointers, lengths and numbers."""
 
 from __future__ import annotations
 

@@ -11,7 +11,7 @@ import llvmlite.binding as llvm
 
 
 class Target(NamedTuple):
-    """What an object file is made for."""
+    """Processor and system that an object file is made for."""
 
     triple: str
     processor: str

@@ -88,7 +88,7 @@ STATE: Final = (
     ),
     Column(
         *("trim", "rad/s", "spin lent by the rotor", "`trim_rad_s` and four times `noise_rad_s`"),
-        *(lambda of: of.lent, lambda see: see.flights["trim"]),
+        *(lambda of: of.lent, lambda see: see.flights["trim_spin"]),
     ),
     Column(
         *("supplied", "J/kg", "energy supplied so far, over the mass", "U^2 / 4"),

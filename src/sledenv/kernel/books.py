@@ -237,13 +237,13 @@ def trim(body: np.void, rotor_inertia: float, flight: np.void, spin: float) -> N
     spin : float
         Spin of the body minus its spin with the rotor at rest [rad/s].
     """
-    change = spin - flight["trim"]
+    change = spin - flight["trim_spin"]
     if change != 0.0:  # a spin of -0.0 plus zero would lose its sign
         omega = flight["omega"]
         rotor = 0.5 * (body["inertia"] * spin) ** 2 / rotor_inertia
         done = body["inertia"] * change * (omega + 0.5 * change) + rotor - flight["rotor"]
         flight["omega"] = omega + change
-        flight["trim"] = spin
+        flight["trim_spin"] = spin
         flight["rotor"] = rotor
         if done > 0.0:
             flight["work"] += done

@@ -1,4 +1,4 @@
-"""What may come to touch within a step: pairs of features that do not touch yet, those near enough looked at exactly.
+"""Pairs of features that may come to touch within a step: those near enough are looked at exactly.
 
 In flight these are all touches that may come: the first of them ends the step, and the list of contacts has one.
 """
@@ -32,7 +32,7 @@ from sledenv.kernel.geometry import (
     part_of_bend,
     reach_along,
 )
-from sledenv.kernel.guards import AT_END, BORN, NOTHING, TIED, first_term, shorten_to_first_root
+from sledenv.kernel.guards import AT_END, NOTHING, TIED, TOUCH, first_term, shorten_to_first_root
 from sledenv.kernel.outline import arc_at, from_middle, same_arc
 from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.kernel.zeros import first_zero
@@ -148,7 +148,7 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
     first = first_term(body, space)
     if poly[first] < 0.0:
         if event["time"] > 0.0 or event["code"] == NOTHING:
-            event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, BORN, kind, a, j
+            event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, TOUCH, kind, a, j
     elif first == 1:
         for k in range(ORDER):
             poly[k] = (k + 1) * poly[k + 1]
@@ -188,7 +188,7 @@ def _watch_touch(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, g
     if not (t < event["time"] * (1.0 - TIED) or (event["code"] == NOTHING and t < event["time"])):
         return
     if _in_reach(body, pieces, kind, a, j, t, 0.0, space):
-        event["time"], event["code"], event["who"], event["side"], event["piece"] = t, BORN, kind, a, j
+        event["time"], event["code"], event["who"], event["side"], event["piece"] = t, TOUCH, kind, a, j
     elif motion["t"] + t > motion["t"]:  # from there on it is looked at anew
         event["time"], event["code"] = t, NOTHING
 

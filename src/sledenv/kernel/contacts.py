@@ -1,4 +1,4 @@
-"""What a descent works on: the motion of the body, the list of its contacts, a step in power series, an event."""
+"""The work space of a descent: the motion of the body, the list of its contacts, a step in power series, an event."""
 
 from __future__ import annotations
 
@@ -192,7 +192,7 @@ SPACE: Final = np.dtype(
         ("waits", "i8"),  # 1 once it does: the flight under way has not been decided about
         ("samples", "i8"),  # rows of the trajectory that there were when it began
         ("drag", "f8"),  # [J] lost to the air since the launch
-        ("finish", "f8"),  # [m] where the descent ends: the line, or the end of the run-out behind it
+        ("finish", "f8"),  # [m] where the descent ends: the finish, or the end of the run-out behind it
     ]
 )
 

@@ -201,7 +201,7 @@ def _find_event(
     else:
         guards.watch_contacts(body, pieces, space)
         find_new_contacts(body, pieces, space)
-        guards.watch_line(space)
+        guards.watch_finish(space)
     if event["time"] >= left:  # cut off only now: what is found before does not depend on when the time is over
         event["code"], event["time"] = guards.NOTHING, left
 
@@ -275,7 +275,7 @@ def _begin_contact(
 
 
 @kernel
-def _pass_line(pieces: np.ndarray, limits: Limits, flight: np.void, space: np.void) -> int:
+def _pass_finish(pieces: np.ndarray, limits: Limits, flight: np.void, space: np.void) -> int:
     """Pass the end of the slope, behind which the run-out begins, or that of the run-out; return the status.
 
     The speed there is that along the ground under the mass centre.
@@ -302,10 +302,10 @@ def _apply(
         if not math.isfinite(moved):
             return NON_FINITE
         return TIMEOUT if motion["t"] >= limits.max_time else RUNNING
-    if code == guards.LINE:
-        return _pass_line(pieces, limits, flight, space)
+    if code == guards.FINISH:
+        return _pass_finish(pieces, limits, flight, space)
     space["undecided"] = 1
-    if code == guards.BORN:
+    if code == guards.TOUCH:
         return _begin_contact(body, pieces, slope, limits, flight, log, space)
     if code == guards.SEPARATION or (code == guards.GAP_FREE and is_rigid(space["ground"])):
         return separate(body, pieces, limits, event["who"], flight, log, space)

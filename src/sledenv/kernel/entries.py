@@ -69,7 +69,7 @@ def _judge_each(flights: np.ndarray, masses: np.ndarray, lengths: np.ndarray, me
             metrics[i, k] = jam[k]
 
 
-def _lay_each(vertices: np.ndarray, tracks: np.ndarray, pieces: np.ndarray) -> None:
+def _build_each(vertices: np.ndarray, tracks: np.ndarray, pieces: np.ndarray) -> None:
     """Write the pieces of many profiles whose vertices lie one behind the other, one vertex fewer than pieces each."""
     for i in range(tracks.shape[0]):
         begin, end = int(tracks[i, 0]), int(tracks[i, 1])
@@ -118,9 +118,9 @@ _SCENES = Group(Scenes, (Table(SCENE), _BODIES, _PIECES, _ROWS))
 _WRITTEN = Group(Written, (_OUTCOMES, _LOGS, _TRAJECTORY))
 
 run_lanes: Final = LIBRARY.entry("descend_lanes", descend_lanes, int, Limits, _SCENES, _ROWS, _WRITTEN, _SPACES, int)
-run_lay: Final = LIBRARY.entry("lay", build_pieces, _ROWS, _PIECES)
+run_build_pieces: Final = LIBRARY.entry("build_pieces", build_pieces, _ROWS, _PIECES)
 run_heights: Final = LIBRARY.entry("heights", _heights, _PIECES, _DOUBLES, _DOUBLES)
-run_lay_each: Final = LIBRARY.entry("lay_each", _lay_each, _ROWS, _ROWS, _PIECES)
+run_build_each: Final = LIBRARY.entry("build_each", _build_each, _ROWS, _ROWS, _PIECES)
 run_outlook: Final = LIBRARY.entry("outlook", look_out, _SCENES, _OUTCOMES, _ROWS, _ROWS)
 run_embark: Final = LIBRARY.entry("embark", _embark, _SCENES, _OUTCOMES)
 run_trim: Final = LIBRARY.entry("trim", _trim, _SCENES, float, _OUTCOMES)
@@ -156,8 +156,8 @@ def _known() -> str:
     digest = hashlib.sha256()
     vertices = np.array([[0.6, 0.0, 0.0], [1.2, 0.1, 0.0], [1.4, 0.0, 0.0]])
     plane, bumps = np.zeros(1, PIECE), np.zeros(4, PIECE)
-    run_lay(vertices[:0], plane)
-    run_lay(vertices, bumps)
+    run_build_pieces(vertices[:0], plane)
+    run_build_pieces(vertices, bumps)
     for rigid, pieces in ((0, plane), (0, bumps), (1, plane)):
         log, rows, flights = np.zeros(12, REBOUND), np.zeros(400, TRAJECTORY), np.zeros(1, OUTCOME)
         scene["ground_end"] = float(len(pieces))

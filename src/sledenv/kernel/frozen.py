@@ -67,7 +67,7 @@ def _pushes(body: np.void, contacts: np.void, rebound: np.void) -> bool:
 
 @kernel
 def _find_event(body: np.void, approach: float, space: np.void) -> None:
-    """Find how long a step is, and what ends it; a point that comes back is born again."""
+    """Find how long a step is, and what ends it; a point that comes back touches again."""
     contacts, event, poly, motion = space["contacts"], space["event"], space["poly"], space["motion"]
     speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]), 1e-12)
     event["code"] = guards.NOTHING
@@ -83,7 +83,7 @@ def _find_event(body: np.void, approach: float, space: np.void) -> None:
         zeros = 0
         while zeros < 3 and contact["gap"] == 0.0 and not poly[zeros] > 0.0:
             zeros += 1
-        guards.shorten_to_first_root(space, zeros, guards.BORN, c, 0)
+        guards.shorten_to_first_root(space, zeros, guards.TOUCH, c, 0)
     guards.watch_spin(contacts, space)
 
 
@@ -102,7 +102,7 @@ def _step(body: np.void, pieces: np.ndarray, approach: float, spring: float, pla
     if event["code"] == guards.SEPARATION:
         contacts["at"][who]["gap"] = 0.0
         _let_go(contacts["at"][who])
-    elif event["code"] == guards.BORN:
+    elif event["code"] == guards.TOUCH:
         contacts["at"][who]["gap"] = 0.0
         _press(body, spring, plastic, space, who)
     elif event["code"] != guards.NOTHING:

@@ -1,4 +1,4 @@
-"""What touches what: pieces and bends of the ground, features of a body, and how a contact of the two lies.
+"""Pieces and bends of the ground, features of a body, and how a contact of the two lies.
 
 A contact is one of three kinds: an arc on a piece, an arc on a bend, a straight side on a bend. ``n`` is its unit
 normal out of the ground, ``t`` the normal turned by -90 degrees, ``l`` the lever from the mass centre to the touching
@@ -312,9 +312,13 @@ def place(body: np.void, pieces: np.ndarray, motion: np.void, contact: np.void) 
 
 @kernel
 def touching_place(motion: np.void, contact: np.void) -> tuple[float, float]:
-    """Place [m] of the touching point of a contact that has been placed: its lever in terms of ``ln`` and ``lt``."""
-    nx, ny, ln, lt = contact["nx"], contact["ny"], contact["normal_lever"], contact["tangent_lever"]
-    return motion["x"] + ln * ny - lt * nx, motion["y"] - ln * nx - lt * ny
+    """Place [m] of the touching point of a contact that has been placed: that of the mass centre and its levers."""
+    nx, ny = contact["nx"], contact["ny"]
+    normal_lever, tangent_lever = contact["normal_lever"], contact["tangent_lever"]
+    return (
+        motion["x"] + normal_lever * ny - tangent_lever * nx,
+        motion["y"] - normal_lever * nx - tangent_lever * ny,
+    )
 
 
 @kernel

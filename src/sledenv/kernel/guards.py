@@ -1,4 +1,4 @@
-"""What ends a step of the contacts that there are: guards, polynomials that are positive while the mode lasts.
+"""The end of a step of the contacts that there are: guards, polynomials that are positive while the mode lasts.
 
 Each guard tells how many of its leading coefficients are zero by construction, because what it watches has just begun
 or been released. Each zero that is found shortens what the other guards look at.
@@ -30,10 +30,21 @@ from sledenv.kernel.mode import SHALLOW, all_friction
 from sledenv.kernel.outline import from_middle
 from sledenv.kernel.zeros import first_zero
 
-NOTHING, SEPARATION, GAP_ZERO, GAP_FREE, SLIP_ZERO, SLIP_FREE, SPIN_ZERO, SPIN_FREE, FEATURE, ZONE, BORN, LINE = range(
-    12
-)
-# Ends of the feature of a contact, told as the side of an event FEATURE.
+(
+    NOTHING,
+    SEPARATION,
+    GAP_ZERO,
+    GAP_FREE,
+    SLIP_ZERO,
+    SLIP_FREE,
+    SPIN_ZERO,
+    SPIN_FREE,
+    FEATURE,
+    ZONE,
+    TOUCH,
+    FINISH,
+) = range(12)
+# Ends of the feature of a contact: the side of an event FEATURE.
 (
     FOOT_BEGIN,  # the foot of an arc on a piece comes to the bend before,
     FOOT_END,  # or behind
@@ -363,11 +374,11 @@ def watch_contacts(body: np.void, pieces: np.ndarray, space: np.void) -> None:
 
 
 @kernel
-def watch_line(space: np.void) -> None:
+def watch_finish(space: np.void) -> None:
     """Let the step end where the mass centre comes to the end of the slope, or of the run-out behind it."""
     if space["finish"] < 1e300:
         poly, s = space["poly"], space["series"]
         for k in range(ORDER + 1):
             poly[k] = -s["x"][k]
         poly[0] += space["finish"]
-        shorten_to_first_root(space, 0, LINE, 0, 0)
+        shorten_to_first_root(space, 0, FINISH, 0, 0)

@@ -173,7 +173,7 @@ def impact(hypothesis: int, hit: np.void, phases: np.ndarray | None) -> int:
         e times that of compression. NEWTON: the gap opens e times as fast as it closed.
     hit : record of IMPACT
         Given ``per_mass``, ``per_inertia`` and ``size`` of the body, arms ``a`` and ``b`` of the contact point,
-        ``friction``, rolling ``arm``, ``restitution``, and ``v_t``, ``omega``, ``v_n`` at touch; v_n > 0 is no impact.
+        ``friction``, ``rolling_arm``, ``restitution``, and ``v_t``, ``omega``, ``v_n`` at touch; v_n > 0 is no impact.
         Afterwards it holds these velocities at the end, and the impulses and losses of the impact.
     phases : ndarray of PHASE, optional
         Filled from the front.

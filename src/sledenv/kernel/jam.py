@@ -26,8 +26,8 @@ class DescentJam(NamedTuple):
     benchmark. Pages show what is marked: progress and retention are parts of the reward, which sums them up.
     """
 
-    progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 1 once past the line, 0 on a slope without end
-    retention: np.ndarray  # [-] energy of motion along the ground at the line over all supplied; 0 of a crash
+    progress: np.ndarray  # [-] x_end / length, clipped to [0, 1]; 1 once past the finish, 0 on a slope without end
+    retention: np.ndarray  # [-] energy of motion along the ground at the finish over all supplied; 0 after a fall
     reward: Annotated[np.ndarray, Shown()]  # [-] progress / 2 + sqrt(retention) / 2, in [0, 1]
 
     @property

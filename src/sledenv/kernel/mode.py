@@ -101,7 +101,7 @@ def all_friction(contacts: np.void) -> float:
 
 @kernel
 def _unit(body: np.void, contacts: np.void, choice: np.void, what: int, c: int) -> tuple[float, float, float, float]:
-    """What a row has beside the rows that are locked, in the norm of the inverse masses; and its share of the row."""
+    """Part of a row that no locked row has, in the norm of the inverse masses, and its share of the row."""
     r0, r1, r2 = _row(contacts, what, c)
     per_mass, per_inertia = math.sqrt(body["per_mass"]), math.sqrt(body["per_inertia"])
     q0, q1, q2 = r0 * per_mass, r1 * per_mass, r2 * per_inertia

@@ -109,7 +109,7 @@ def foresee(
         and its angles [rad] there.
     """
     x0, y0, u0, v0 = flight["x"], flight["y"], flight["u"], flight["v"]
-    spin, time = flight["omega"] - flight["trim"], _STEP * _LOOKS
+    spin, time = flight["omega"] - flight["trim_spin"], _STEP * _LOOKS
     for k in range(1, _LOOKS + 1):
         t = _STEP * k
         x, y = x0 + (u0 + 0.5 * downhill * t) * t, y0 + (v0 - 0.5 * inward * t) * t

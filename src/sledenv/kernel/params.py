@@ -1,4 +1,4 @@
-"""What kernels are given beside a body (outline.py): contact law, slope, launch and limits; scenes, which hold them.
+"""The givens of a descent beside a body (outline.py): contact law, slope, launch, limits; scenes, which hold them.
 
 Python makes the tuples with the classes of the same names in :mod:`sledenv.simulation`, which check every field.
 """
@@ -63,7 +63,7 @@ ZONE_FIELDS: Final = len(Zone._fields)
 
 
 class Incline(NamedTuple):
-    """What a kernel needs of the slope of a scene: see :func:`incline_of`."""
+    """The slope of a scene as kernels need it: see :func:`incline_of`."""
 
     downhill: float  # [m/s^2] gravity along the slope,
     inward: float  # [m/s^2] and along the inward normal
@@ -93,7 +93,7 @@ class Limits(NamedTuple):
     max_rebounds: float  # [-] at which a descent ends
     end_on_chord: float  # 1: a descent ends where the body lies on a straight side, 0: it goes on
     end_parts: float  # the sum of 2^code of the parts of the body whose touch ends a descent
-    run_out: float  # [m] behind the end of the slope, which the body still descends once it has passed the line there
+    run_out: float  # [m] behind the end of the slope, which the body still descends once it has passed the finish there
     most_work: float  # [-] steps and hops of one call: it then returns, and the next call goes on
     shortest_flight: float  # [s] a hop goes on through shorter flights
 
@@ -135,7 +135,7 @@ SCENE: Final = np.dtype(
 
 
 class Scenes(NamedTuple):
-    """What descents are given."""
+    """Scenes, one a lane, and the pools in which they have places."""
 
     rows: np.ndarray  # of SCENE, one a lane
     bodies: np.ndarray  # of BODY

@@ -1,4 +1,4 @@
-"""What a descent returns: the record types and the codes that appear in them."""
+"""Records that a descent returns, and the codes that appear in them."""
 
 from __future__ import annotations
 
@@ -204,7 +204,7 @@ OUTCOME = np.dtype(
         ("u_line", "f8"),  # [m/s] and how fast along the ground there, 0 if never
         ("t_on_chord", "f8"),  # [s] when the body first lay on its chord with both ends settled; inf if never
         ("x_on_chord", "f8"),  # [m] and where
-        ("trim", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body
+        ("trim_spin", "f8"),  # [rad/s] spin that the rider's rotor has lent to the body
         *((name, "f8") for name in LEDGER_FIELDS),
     ],
     align=True,
@@ -212,7 +212,7 @@ OUTCOME = np.dtype(
 
 
 class Written(NamedTuple):
-    """What descents are written into."""
+    """Tables into which descents are written."""
 
     flights: np.ndarray  # of OUTCOME: state of each, moved on from a launch or from where a call has stopped
     logs: np.ndarray  # of REBOUND, a row for each or one for all; a rebound without room overwrites the last one

@@ -29,15 +29,16 @@ def _add_corner(body: np.void, slope: Any, contacts: np.void, choice: np.void, x
     x, y, turn = x * per_mass, y * per_mass, turn * per_inertia
     for c in range(contacts["count"]):
         contact = contacts["at"][c]
-        nx, ny, ln, lt = contact["nx"], contact["ny"], contact["normal_lever"], contact["tangent_lever"]
-        along = ny * x - nx * y + lt * turn
+        nx, ny = contact["nx"], contact["ny"]
+        normal_lever, tangent_lever = contact["normal_lever"], contact["tangent_lever"]
+        along = ny * x - nx * y + tangent_lever * turn
         pull, arm = -math.copysign(contact["friction"], along), -math.copysign(contact["rolling_arm"], turn)
-        does = nx * x + ny * y + ln * turn + pull * along + arm * turn
+        does = nx * x + ny * y + normal_lever * turn + pull * along + arm * turn
         normal = (contact["closing"] if does < 0.0 else contact["opening"]) * choice["share"][c]["depth"]
         force = pull * normal
         corner["normal"][c], corner["force"][c] = normal, force
         fx, fy = fx + normal * nx + force * ny, fy + normal * ny - force * nx
-        turning += normal * ln + force * lt
+        turning += normal * normal_lever + force * tangent_lever
         rolling += arm * normal
     corner["moment"], corner["part"] = rolling, 0.0
     corner["point"][0], corner["point"][1] = fx * per_mass, fy * per_mass

@@ -1,4 +1,4 @@
-"""What rigid surfaces do when they touch: impacts of one point and of several, and what stays in contact after them."""
+"""Rigid surfaces that touch: impacts of one point and of several, and what stays in contact after them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The first zero of a polynomial, none of which is ever passed over."""
+"""The guaranteed first zero of a polynomial: no earlier one is passed over."""
 
 from __future__ import annotations
 

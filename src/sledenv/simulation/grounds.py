@@ -9,7 +9,7 @@ from typing import NamedTuple, Self
 import numpy as np
 from numpy.typing import NDArray
 
-from sledenv.kernel.entries import run_heights, run_lay, run_lay_each
+from sledenv.kernel.entries import run_build_each, run_build_pieces, run_heights
 from sledenv.kernel.geometry import PIECE
 
 Floats = NDArray[np.float64]
@@ -18,7 +18,7 @@ Floats = NDArray[np.float64]
 def pieces_of(vertices: Floats) -> np.ndarray:
     """Return the pieces of ground with their bends, kernel.geometry.PIECE of shape (n + 1,), of (n, 3) vertices."""
     pieces = np.zeros(len(vertices) + 1, PIECE)
-    run_lay(vertices, pieces)
+    run_build_pieces(vertices, pieces)
     return pieces
 
 
@@ -51,7 +51,7 @@ class Grounds(NamedTuple):
             return cls(pieces, np.array([[0.0, len(pieces)]]))
         ends = np.cumsum([len(one) + 1 for one in vertices])
         places, pieces = np.stack([np.r_[0, ends[:-1]], ends], axis=-1).astype(float), np.zeros(ends[-1], PIECE)
-        run_lay_each(np.concatenate(vertices), places, pieces)
+        run_build_each(np.concatenate(vertices), places, pieces)
         return cls(pieces, places if numbers is None else places[list(numbers)])
 
     @classmethod
@@ -61,5 +61,5 @@ class Grounds(NamedTuple):
         there = np.isfinite(vertices[..., 0]).sum(axis=1)
         pieces, begins = np.zeros(count * (most + 1), PIECE), np.arange(count) * (most + 1.0)
         places = np.stack([begins, begins + there + 1.0], axis=-1)
-        run_lay_each(vertices.reshape(-1, 3), places, pieces)
+        run_build_each(vertices.reshape(-1, 3), places, pieces)
         return cls(pieces, places)

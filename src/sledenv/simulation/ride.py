@@ -101,9 +101,9 @@ class Ride:
         return state_of(self._flight[0])
 
     @property
-    def lent(self) -> float:
+    def trim_spin(self) -> float:
         """Spin [rad/s] that the rider's rotor lends to the body."""
-        return float(self._flight[0]["trim"])
+        return float(self._flight[0]["trim_spin"])
 
     def trim(self, spin: float) -> None:
         """Let the rider's rotor lend ``spin`` [rad/s] to the body from here on: docs/physics.md, section 9.
@@ -133,7 +133,7 @@ class Ride:
         RuntimeError
             If the descent has ended.
         """
-        return self._follow(lambda rows: self._lane.hop(self._flight["trim"], rows))
+        return self._follow(lambda rows: self._lane.hop(self._flight["trim_spin"], rows))
 
     def await_flight(self) -> Status:
         """Go on to where a flight begins that is not too short, if not even the first one is; return the status.

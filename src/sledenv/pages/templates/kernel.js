@@ -125,7 +125,7 @@ class Kernel {
     const rows = profile.flatMap(([x, y], k) => [x, y, rounding[k] ?? 0]);
     const vertices = { place: this.#row(rows).place, lengths: [profile.length, 3] };
     const pieces = this.#table("PIECE", profile.length + 1);
-    this.#call("lay", vertices, pieces);
+    this.#call("build_pieces", vertices, pieces);
     return pieces;
   }
 
