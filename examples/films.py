@@ -15,13 +15,13 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from sledenv import Descent
 from sledenv.agents import land_parallel, zero
 from sledenv.benchmark.problem import Agent, Planner, Policy, Problem
 from sledenv.benchmark.runs import TRAINED, load_run
 from sledenv.envs.film import write_film
 from sledenv.envs.render import draw_film
 from sledenv.plot import plot_strobe
+from sledenv.simulation import Descent
 
 FPS, SIZE = 15, (600, 300)  # [1/s], [px]
 SLOWER = 3  # times, of launches, which take little more than a second

@@ -41,7 +41,7 @@ def _bare(kind: str, lanes: int) -> Callable[[], None]:
         return lambda: task.simulator(aimed.take(rng.integers(_BANK, size=lanes))).run()
     spins = task.spins(bank, actions, np.zeros(_BANK, np.int64))
     simulator = task.rides(bank.take(np.arange(lanes)))
-    running = sledenv.STATUS_OF_CODE.index(sledenv.Status.RUNNING)
+    running = sledenv.simulation.STATUS_OF_CODE.index(sledenv.Status.RUNNING)
 
     def hop() -> None:
         simulator.hop(spins[rng.integers(_BANK, size=lanes)])

@@ -93,7 +93,7 @@ class Found(NamedTuple):
     moved: np.ndarray
 
 
-def audit(descent: sledenv.Descent) -> Audit:
+def audit(descent: sledenv.simulation.Descent) -> Audit:
     """Audit a descent without zones."""
     if descent.slope.zones:
         raise ValueError("slopes with zones are not audited")
@@ -113,7 +113,7 @@ def audit(descent: sledenv.Descent) -> Audit:
     return Audit(faults, counts)
 
 
-def ends(descent: sledenv.Descent) -> list[Fault]:
+def ends(descent: sledenv.simulation.Descent) -> list[Fault]:
     """Return the faults of a descent as a whole."""
     faults, energy = [], descent.energy
     if descent.status not in ENDS:
@@ -132,7 +132,7 @@ def ends(descent: sledenv.Descent) -> list[Fault]:
     return faults
 
 
-def turnover(descent: sledenv.Descent) -> float:
+def turnover(descent: sledenv.simulation.Descent) -> float:
     """Energy [J] on which errors are to be seen."""
     return max(descent.energy.turnover, descent.body.mass * descent.slope.gravity * descent.body.size, 1e-300)
 
@@ -144,7 +144,7 @@ def lowest(body: sledenv.Body) -> float:
     return float(np.max(down, axis=0).min())
 
 
-def mechanical(descent: sledenv.Descent, motions: np.ndarray) -> np.ndarray:
+def mechanical(descent: sledenv.simulation.Descent, motions: np.ndarray) -> np.ndarray:
     """Kinetic and potential energy [J] of motions (n, 6)."""
     x, y, _, u, v, omega = motions.T
     along, down = gravity_of(descent.slope)
@@ -163,7 +163,7 @@ def is_finite(trajectory: np.ndarray) -> bool:
     return all(np.isfinite(one).all() for one in [*numbers, *(trajectory["contacts"][name] for name in CONTACT)])
 
 
-def look(descent: sledenv.Descent) -> Found:
+def look(descent: sledenv.simulation.Descent) -> Found:
     """Look at all rows of a trajectory."""
     body, law, slope, trajectory = descent.body, descent.law, descent.slope, descent.trajectory
     times, rolling = np.ascontiguousarray(trajectory["t"]), np.ascontiguousarray(trajectory["rolling"])
@@ -190,7 +190,7 @@ def look(descent: sledenv.Descent) -> Found:
     )
 
 
-def of_rows(descent: sledenv.Descent, found: Found) -> list[Fault]:
+def of_rows(descent: sledenv.simulation.Descent, found: Found) -> list[Fault]:
     """Return the faults that rows of a trajectory show.
 
     The last row of a body that is buried may hold a contact that could not go on: only its depth counts.
@@ -246,7 +246,7 @@ def of_rows(descent: sledenv.Descent, found: Found) -> list[Fault]:
     return faults
 
 
-def _won(descent: sledenv.Descent, found: Found) -> np.ndarray:
+def _won(descent: sledenv.simulation.Descent, found: Found) -> np.ndarray:
     """Energy [J] that each row has more than the least before, 0 where that of springs is not known."""
     energy = mechanical(descent, found.motions) + found.geometry[:, rows.STORED]
     known = ~np.isnan(energy)
@@ -280,7 +280,7 @@ def patience(seconds: float | None) -> Iterator[None]:
         signal.signal(signal.SIGVTALRM, before)
 
 
-def recorded(case: Case, whole: sledenv.Descent, most_steps: int = MOST_STEPS) -> sledenv.Descent:
+def recorded(case: Case, whole: sledenv.simulation.Descent, most_steps: int = MOST_STEPS) -> sledenv.simulation.Descent:
     """Return the descent of a case with its trajectory, or a first part of one that takes too many steps."""
     steps = int(whole.outcome["steps"])
     end = TIME if steps <= most_steps else max(whole.time * most_steps / steps, 1e-6)
@@ -355,7 +355,7 @@ def retell(case: Case, most_steps: int, around: int | None) -> None:
     print("", descent, *told_rows(descent, which), sep="\n")
 
 
-def told_rows(descent: sledenv.Descent, which: range) -> Iterator[str]:
+def told_rows(descent: sledenv.simulation.Descent, which: range) -> Iterator[str]:
     """Yield rows of a trajectory in words."""
     found, law = look(descent), descent.law
     springs = law.stiffness * (1.0 + law.asymmetry), law.stiffness * (1.0 - law.asymmetry)

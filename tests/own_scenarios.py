@@ -52,7 +52,7 @@ def changed(**changes: Any) -> dict[str, Any]:
     return content
 
 
-def ride_over_bumps(**rider: float) -> sledenv.Scenario:
+def ride_over_bumps(**rider: float) -> sledenv.scenarios.Scenario:
     """Return a scenario of rides of the shipped sled over bumps, with changes of what it says of the rider."""
     content: dict[str, Any] = {
         "id": "bumps",
@@ -77,4 +77,4 @@ def ride_over_bumps(**rider: float) -> sledenv.Scenario:
         "limits": {"max_time_s": 30, "max_rebounds": 200},
         "ends": {"touching": "rider"},
     }
-    return sledenv.Scenario.model_validate(content)
+    return sledenv.scenarios.Scenario.model_validate(content)

@@ -76,7 +76,7 @@ def plane_case(seed: int, *, zoned: bool = False, finish: float = math.inf) -> C
 def mirrored(case: Case) -> Case:
     """Return the same seen from the other side of the picture."""
     body, slope, (x, y, phi, u, v, omega) = case.body, case.slope, case.launch
-    if not isinstance(body, sledenv.Segment):
+    if not isinstance(body, sledenv.bodies.Segment):
         arcs = []
         for k, arc in enumerate(body.arcs):
             begin = -body.arcs[(k + 1) % len(body.arcs)].begin

@@ -15,11 +15,12 @@ from PIL import Image
 import sledenv
 from docs import draw
 from docs.draw import run
-from sledenv import Scenario, load_scenario, load_study
+from sledenv import load_scenario
 from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.suite import Suite
-from sledenv.scenarios import bodies, sections
+from sledenv.scenarios import Scenario, bodies, sections
 from sledenv.scenarios.configuration import Section
+from sledenv.uncertainty import load_study
 
 ROOT = Path(__file__).parents[1]
 

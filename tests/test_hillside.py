@@ -189,7 +189,7 @@ def ends_of(study: Study) -> np.ndarray:
     """Where rocks stop [m], none of which was given up."""
     scenes = study.scenes(study.values(run.draws(study)))
     outcomes = descend_over(scenes, study.stations[-1:], study.base.settings()).outcomes
-    status = np.array(sledenv.STATUS_OF_CODE)[outcomes["status"]]
+    status = np.array(sledenv.simulation.STATUS_OF_CODE)[outcomes["status"]]
     assert (np.isin(status, ["finish", "jammed"])).mean() > 0.995
     return outcomes["x"]
 

@@ -61,7 +61,7 @@ from sledenv.scenarios.scenario import load_scenario, scenario_names
 home = Path(sledenv.__file__).parent
 assert home.parent == Path(sys.argv[1]), home
 hashes = [load_scenario(name).hash for name in scenario_names()]
-studies = [sledenv.load_study(name).id for name in sledenv.study_names()]
+studies = [sledenv.uncertainty.load_study(name).id for name in sledenv.uncertainty.study_names()]
 suites = Suite.names()
 for name in suites:
     assert list(Suite.load(name).jobs()), name
@@ -152,7 +152,7 @@ def test_every_public_name_can_be_looked_at_without_the_extras(tmp_path: Path) -
     print(sorted(set(sledenv.__all__) - names), all(hasattr(sledenv, name) for name in sledenv.__all__))
     print("study = <sledenv.study, not installed:" in pydoc.plain(pydoc.render_doc(sledenv)))
     print(repr(copy.copy(identify)) == repr(identify), simulate.__name__)
-    others = lambda: sledenv.Study.load("push_off"), lambda: sledenv.evaluate(None, "sled_rollers")
+    others = lambda: sledenv.uncertainty.Study.load("push_off"), lambda: sledenv.evaluate(None, "sled_rollers")
     for use in (lambda: study("push_off", "out"), lambda: identify("x.csv"), *others):
         try:
             use()

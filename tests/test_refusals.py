@@ -18,10 +18,11 @@ import pandas as pd
 import pytest
 
 import sledenv
-from sledenv import Arc, Body, ContactLaw, Settings, Slope, State, Zone
+from sledenv import Body, ContactLaw, Settings, Slope, State, Zone
 from sledenv.agents import land_flat, land_parallel
 from sledenv.benchmark.oracle import rewards_of
 from sledenv.benchmark.problem import Problem
+from sledenv.bodies import Arc
 from sledenv.closed_forms.equilibrium import static_jam_angles
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
@@ -97,7 +98,7 @@ def tracked(**given: Any) -> Any:
 def riding(method: str) -> Callable[..., Any]:
     """Return a method of rides that have begun."""
     ride = sledenv.Ride(DISC, LAW, INCLINE, LAUNCH, rotor_inertia=1.0)
-    many = sledenv.RideBatch(DISC, LAW, INCLINE, LAUNCHES, rotor_inertia=1.0)
+    many = sledenv.simulation.RideBatch(DISC, LAW, INCLINE, LAUNCHES, rotor_inertia=1.0)
     return ride.trim if method == "trim" else getattr(many, method)  # type: ignore[no-any-return]
 
 
@@ -176,9 +177,9 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "fit_ground": (fit_ground, {"vertices": [(0.0, 0.0), (1.0, 0.0)], "tolerance": 0.1}),
         "simulate": (sledenv.simulate, ONE),
         "simulate_batch": (sledenv.simulate_batch, TWO),
-        "simulate_blocks": (sledenv.simulate_blocks, TWO),
+        "simulate_blocks": (sledenv.simulation.simulate_blocks, TWO),
         "Ride": (sledenv.Ride, ONE),
-        "RideBatch": (sledenv.RideBatch, TWO),
+        "RideBatch": (sledenv.simulation.RideBatch, TWO),
         "Ride.trim": (riding("trim"), {}),
         "RideBatch.hop": (riding("hop"), {}),
         "RideBatch.launch": (riding("launch"), GIVEN | {"lanes": [0, 1], "launches": LAUNCHES}),
@@ -939,7 +940,7 @@ WRONG_FILES: dict[str, list[tuple[str, str]]] = {
 OF_FILES: dict[str, tuple[str, Callable[[Path], Any]]] = {  # how its name ends, and what reads it
     "profile": (".csv", lambda file: scenario_with(slope__profile_file=str(file), slope__angle_deg=45)),
     "scenario": (".yaml", load_scenario),
-    "study": (".yaml", sledenv.load_study),
+    "study": (".yaml", sledenv.uncertainty.load_study),
     "recording": (".csv", lambda file: sledenv.identify(file, sledenv.disc(1.0, 0.5), Slope(0.1))),
 }
 

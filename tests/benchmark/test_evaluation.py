@@ -58,7 +58,7 @@ def test_rides_without_trims_earn_what_they_do_in_the_environment():
             lost[first], status[first] = last["jam"]["jam_index"][first], last["descent"]["status"][first]
     assert np.array_equal(1.0 - found.rewards, lost)
     assert found.mean == found.rewards.mean()
-    names = [sledenv.STATUS_OF_CODE[int(code)] for code in status]
+    names = [sledenv.simulation.STATUS_OF_CODE[int(code)] for code in status]
     assert found.falls == names.count("tumbled") / 8
     assert found.finished == names.count("finish") / 8
 

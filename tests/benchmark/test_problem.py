@@ -6,10 +6,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from sledenv import STATUS_OF_CODE
 from sledenv.benchmark.problem import ENVIRONMENTS, TRIALS, Problem
 from sledenv.envs.inputs import FIELDS
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario
+from sledenv.simulation import STATUS_OF_CODE
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
 

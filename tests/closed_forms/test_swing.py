@@ -53,12 +53,12 @@ def test_a_hoop_with_a_weight_swings_as_in_textbooks() -> None:
     eccentricity = weight * radius / mass
     inertia = hoop * (radius**2 + eccentricity**2) + weight * (radius - eccentricity) ** 2
     for begin in (0.3, -math.pi):  # where the outline begins does not matter
-        body = Body(mass, inertia, [sledenv.Arc(0.0, eccentricity, radius, begin, "rim")])
+        body = Body(mass, inertia, [sledenv.bodies.Arc(0.0, eccentricity, radius, begin, "rim")])
         [swing] = small_swings(body, Slope(0.0, gravity=gravity))
         assert swing.part == "rim"
         assert swing.phi == pytest.approx(0.0)
         assert swing.period == pytest.approx(2.0 * math.pi * math.sqrt(2.0 * hoop * radius / (weight * gravity)))
-    upside_down = Body(mass, inertia, [sledenv.Arc(0.0, -eccentricity, radius, 0.3, "rim")])
+    upside_down = Body(mass, inertia, [sledenv.bodies.Arc(0.0, -eccentricity, radius, 0.3, "rim")])
     [turned] = small_swings(upside_down, Slope(0.0, gravity=gravity))
     assert turned[1:] == pytest.approx((math.pi, swing.period))
 

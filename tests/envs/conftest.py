@@ -14,8 +14,8 @@ def _no_screen(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def short_scenario() -> sledenv.Scenario:
+def short_scenario() -> sledenv.scenarios.Scenario:
     """Ice_drop on a slope two or three hops long, so that thousands of episodes take seconds; one in 50 tumbles."""
     content = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json")
     content["slope"]["length_m"] = 2.0
-    return sledenv.Scenario.model_validate(content)
+    return sledenv.scenarios.Scenario.model_validate(content)

@@ -21,17 +21,17 @@ POLYGON = {"kind": "polygon", "mass_kg": 40, "points_m": [[-0.6, 0], [0.6, 0], [
 DISC = {"kind": "disc", "mass_kg": 90, "radius_m": 0.5, "eccentricity_m": 0.1, "inertia_kg_m2": 9.0}
 CONTENT = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json", by_alias=True)
 BODIES = [CONTENT["body"], POLYGON, DISC]
-SHAPE = sledenv.Context._fields.index("shape")
+SHAPE = sledenv.scenarios.Context._fields.index("shape")
 
 
-def scenario(body: dict) -> sledenv.Scenario:
+def scenario(body: dict) -> sledenv.scenarios.Scenario:
     """A shipped scenario with another body, on a short slope with two zones and a run-out."""
     slope = CONTENT["slope"] | {"length_m": 4.0, "run_out_m": 2.0}
     zones = [
         {"begin_m": 0.5, "end_m": 1.0, "friction": 0.1},
         {"begin_m": [1.0, 2.0], "end_m": 3.0, "friction": [0.3, 0.6]},
     ]
-    return sledenv.Scenario.model_validate(CONTENT | {"slope": slope, "zones": zones, "body": body})
+    return sledenv.scenarios.Scenario.model_validate(CONTENT | {"slope": slope, "zones": zones, "body": body})
 
 
 SEVERAL = scenario({"kind": "choice", "of": BODIES})
@@ -51,7 +51,7 @@ def test_batches_and_rides_are_the_descents_of_the_bodies(solver, keep_rebounds)
     followed = rides.descents()
     assert len(batch.rebounds) == (40 if keep_rebounds else 0)
     for i in range(40):
-        context = sledenv.Context(*contexts[i].tolist())
+        context = sledenv.scenarios.Context(*contexts[i].tolist())
         given = task.scenario.given(context)
         assert given.launch == sledenv.State(*scenes.launches[i])
         assert given.body == SEVERAL.all_bodies()[int(context.shape)]

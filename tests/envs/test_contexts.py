@@ -77,7 +77,7 @@ def test_any_part_of_the_context_can_be_fixed_and_the_rest_is_drawn_as_without(n
 
 def test_contexts_of_a_table_must_be_right_but_what_is_chosen_may_be_open():
     """Oracle: the ranges of the fields; environments choose orientation and spin later."""
-    task, fields = Task("sled_snow", control="both"), sledenv.Context._fields
+    task, fields = Task("sled_snow", control="both"), sledenv.scenarios.Context._fields
     rows = task.scenario.contexts(np.random.default_rng(0).random((4, task.scenario.draws)))
     rows[:, fields.index("friction")] = 0.1, 0.2, -1.0, 0.3
     with pytest.raises(ValueError, match=r"contexts\[2\]\.friction = -1\.0: must be in \[0, inf\)"):

@@ -17,13 +17,13 @@ from scipy import stats
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
-from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID, register
 from sledenv.envs.columns import STATE
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
 from sledenv.scenarios.tracks import TRACKS, standard_normals
+from sledenv.simulation import STATUS_OF_CODE
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
@@ -33,7 +33,7 @@ TURN = 2.0 * np.pi
 
 
 def name_of(scenario):
-    return scenario.id if isinstance(scenario, sledenv.Scenario) else str(scenario)
+    return scenario.id if isinstance(scenario, sledenv.scenarios.Scenario) else str(scenario)
 
 
 def random_action(env, rng):
@@ -118,7 +118,7 @@ def test_rewards_are_gains_in_progress_and_the_work_of_the_trims_is_charged(scen
         terminated = False
         while not terminated:
             _, reward, terminated, truncated, info = env.step(random_action(env, rng))
-            energy = sledenv.Energy(**info["descent"]["energy"])
+            energy = sledenv.simulation.Energy(**info["descent"]["energy"])
             assert abs(energy.residual) <= 1e-12 * energy.turnover
             worked |= energy.work > 0.0
             jam = info["jam"]
@@ -154,7 +154,7 @@ def test_the_observation_is_the_state_at_the_beginning_of_the_flight_and_the_gro
     rng, seen = np.random.default_rng(1), 0
     for seed in range(20):
         observation, info = env.reset(seed=seed)
-        slope, ended = scenario.given(sledenv.Context(**info["context"])).slope, False
+        slope, ended = scenario.given(sledenv.scenarios.Context(**info["context"])).slope, False
         while not ended:
             row = env.episodes.lanes.flights[0]
             ground = np.interp(row["x"], *np.array(slope.profile).T)
@@ -210,7 +210,7 @@ def test_a_launch_on_a_profile_sees_the_first_vertices():
     """Oracle: the vertices of the slope; on a plane there are none to see."""
     env = SledLaunch(BUMPS)
     observation, info = env.reset(seed=4)
-    profile = BUMPS.given(sledenv.Context(**info["context"])).slope.profile
+    profile = BUMPS.given(sledenv.scenarios.Context(**info["context"])).slope.profile
     told = [[8.0 * x / (43.0 * (k + 1)), y / 0.4, 1.0] for k, (x, y) in enumerate(profile[:8])]
     assert observation[11:] == pytest.approx(np.ravel(told), abs=1e-6)
     assert env.observation_names[11:14] == ("ahead_1_x", "ahead_1_y", "ahead_1_there")
@@ -273,7 +273,7 @@ def test_an_unsteady_rider_lends_what_is_asked_for_with_the_error_of_its_context
     content = sledenv.load_scenario("sled_snow").model_dump(by_alias=True)
     content["rider"]["noise_rad_s"] = 0.2
     rng = np.random.default_rng(0)
-    for scenario in (BUMPS, UNSTEADY, sledenv.Scenario.model_validate(content)):
+    for scenario in (BUMPS, UNSTEADY, sledenv.scenarios.Scenario.model_validate(content)):
         env, asked, lent, k = SledDescent(scenario), [], [], 0
         for seed in range(6):
             _, info = env.reset(seed=seed)
@@ -297,7 +297,7 @@ def test_a_context_that_is_given_back_repeats_the_ride_bit_for_bit(scenario, dra
     context = task.scenario.contexts(np.array(draws)[: task.scenario.draws])
     env, other = SledDescent(scenario), SledDescent(scenario)
     one = env.reset(seed=seed, options={"context": context})
-    assert one[1]["context"] == dict(zip(sledenv.Context._fields, context.tolist(), strict=True))
+    assert one[1]["context"] == dict(zip(sledenv.scenarios.Context._fields, context.tolist(), strict=True))
     steps = play(env, np.random.default_rng(seed))
     assert equal(other.reset(seed=0, options={"context": one[1]["context"]}), one)
     assert equal(play(other, np.random.default_rng(seed)), steps)
@@ -313,7 +313,7 @@ def test_limits_end_a_ride_with_the_reward_of_what_was_done():
     """Oracle: the statuses; paper_impact has 0.04 s for its only impact, and no rider."""
     content = sledenv.load_scenario(own_scenario("ice_drop")).model_dump(mode="json", by_alias=True)
     content["limits"]["max_rebounds"] = 2
-    few = sledenv.Scenario.model_validate(content)
+    few = sledenv.scenarios.Scenario.model_validate(content)
     for scenario, status in (("paper_impact", "timeout"), (few, "log_full")):
         env, ends = SledDescent(scenario), set()
         for seed in range(10):

@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 from stable_baselines3.common.env_checker import check_env as check_env_sb3
 
 import sledenv
-from sledenv import Context, Scenario
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import checked_actions
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.render import draw_film
 from sledenv.envs.task import Task
 from sledenv.envs.vector import SledLaunchVector
+from sledenv.scenarios import Context, Scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from tests.envs.kinds import SCALAR, both_ids
 from tests.own_scenarios import own_scenario
@@ -68,7 +68,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, chosen, scenario, dat
     _, reward, terminated, truncated, after = env.step(action)
     assert terminated is True
     assert truncated is False
-    context = sledenv.Context(**info["context"])
+    context = sledenv.scenarios.Context(**info["context"])
     given = {}
     for name, value in zip(words[control], action.astype(float).tolist(), strict=True):
         low, high = scenario.control_bounds[name]
@@ -88,7 +88,7 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, chosen, scenario, dat
     assert after["rebounds"].keys() == set(descent.rebounds.dtype.names)
     assert all(np.array_equal(column, descent.rebounds[name]) for name, column in after["rebounds"].items())
     assert after["is_success"] == (descent.status == "finish")
-    assert sledenv.STATUS_OF_CODE[after["descent"]["status"]] == descent.status
+    assert sledenv.simulation.STATUS_OF_CODE[after["descent"]["status"]] == descent.status
     assert after["descent"]["energy"] == descent.energy._asdict()
     assert after["jam"]["jam_index"] == 1.0 - reward
     assert after["context"] == info["context"]  # what was drawn, not what was chosen
@@ -200,7 +200,7 @@ def test_entries_of_observations_and_actions_have_names():
         assert len(one.observation_names) == one.observation_space.shape[0]
         assert len(one.action_names) == one.action_space.shape[0]
         assert (batch.observation_names, batch.action_names) == (one.observation_names, one.action_names)
-        assert one.observation_names[:11] == sledenv.Context._fields[:11]
+        assert one.observation_names[:11] == sledenv.scenarios.Context._fields[:11]
         assert one.action_names == ("spin" if given else "trim",)
 
 

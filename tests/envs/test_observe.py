@@ -59,12 +59,12 @@ def test_a_hidden_field_is_taken_to_be_in_the_middle_of_its_range_by_those_who_a
     assert not whole.hidden.any()
 
 
-def rollers(**slope: Any) -> sledenv.Scenario:
+def rollers(**slope: Any) -> sledenv.scenarios.Scenario:
     """A sled over bumps, or over other ground."""
     bumps = {"height_m": [0.15, 0.4], "face_m": [3, 6], "top_m": [0.2, 1.5], "gap_m": [1, 4]}
     ground = {"angle_deg": [7, 11], "length_m": 25} | (slope or {"bumps": bumps})
     content = sledenv.load_scenario("sled_snow").model_dump()
-    return sledenv.Scenario.model_validate(content | {"id": "rollers", "slope": ground, "zones": []})
+    return sledenv.scenarios.Scenario.model_validate(content | {"id": "rollers", "slope": ground, "zones": []})
 
 
 def test_the_number_of_a_track_is_told_and_never_seen():
@@ -140,8 +140,10 @@ def test_launches_without_a_finite_energy_are_refused() -> None:
     """Oracle: the message; speeds are observed relative to that of all energy that a launch can have."""
     content = sledenv.load_scenario("sled_snow").model_dump(by_alias=True)
     content["launch"]["spin_rad_s"] = (-1e160, 0.0)
-    with pytest.raises(sledenv.ScenarioError, match=r"its launches have no finite energy: .*, spin 1e\+160 rad/s"):
-        Task(sledenv.Scenario.model_validate(content))
+    with pytest.raises(
+        sledenv.scenarios.ScenarioError, match=r"its launches have no finite energy: .*, spin 1e\+160 rad/s"
+    ):
+        Task(sledenv.scenarios.Scenario.model_validate(content))
 
 
 RIDES = [name for name in sledenv.scenario_names() if sledenv.load_scenario(name).rider is not None]

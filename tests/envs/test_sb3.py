@@ -19,13 +19,13 @@ from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 
 import sledenv
-from sledenv import STATUS_OF_CODE
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.sb3 import SledVecEnv, make_vec_env
 from sledenv.envs.vector import SledLaunchVector
+from sledenv.simulation import STATUS_OF_CODE
 from tests.envs.kinds import SCALAR, WIDTH, both_ids, equal
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # of torch and tensorboard, which this project does not own
@@ -41,7 +41,7 @@ def _one_thread():
 
 
 @pytest.fixture
-def make(short_scenario: sledenv.Scenario):
+def make(short_scenario: sledenv.scenarios.Scenario):
     def made(lanes: int, seed: int | None = None, env_id: str = LAUNCH_ID, **options) -> SledVecEnv:
         return make_vec_env(env_id, lanes, seed, env_kwargs={"scenario": short_scenario}, **options)
 
@@ -81,7 +81,7 @@ def test_an_episode_that_met_a_limit_has_ended_as_any_other_has(short_scenario):
     """Oracle: the status of the descent; limits are seen, so that PPO and others must not bootstrap there."""
     content = short_scenario.model_dump(mode="json")
     content["limits"]["max_rebounds"] = 2
-    given = {"scenario": sledenv.Scenario.model_validate(content)}
+    given = {"scenario": sledenv.scenarios.Scenario.model_validate(content)}
     env = make_vec_env(DESCENT_ID, 50, 0, env_kwargs=given, info=("descent", "is_success"))
     env.reset()
     rng, seen = np.random.default_rng(0), set()

@@ -221,7 +221,7 @@ def test_actions_and_contexts_of_a_frame_are_taken_by_name():
     env, twin = native(3), native(3)
     rng = np.random.default_rng(2)
     contexts = np.array([sledenv.load_scenario(own_scenario("brake_mat")).sample(rng) for _ in range(3)])
-    frame = pd.DataFrame(contexts, columns=sledenv.Context._fields).iloc[:, ::-1]
+    frame = pd.DataFrame(contexts, columns=sledenv.scenarios.Context._fields).iloc[:, ::-1]
     for given, known in (
         (frame, contexts),
         (frame.iloc[1], contexts[1]),

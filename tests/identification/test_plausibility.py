@@ -158,7 +158,9 @@ def test_no_other_zero_is_named_of_exact_rebounds_that_stop_to_turn(launches: in
     how = sledenv.Settings(solver="rigid", max_time=1.5)
     begun = [(0.3, 2.0), (1.0, -3.0), (2.0, 1.0), (4.0, -2.0)][:launches]
     states = [sledenv.State(0.0, 0.6, phi, 1.5, 0.0, omega) for phi, omega in begun]
-    table = sledenv.recorded_rebounds([sledenv.simulate(body, law, sledenv.Slope(0.1), one, how) for one in states])
+    table = sledenv.identification.recorded_rebounds(
+        [sledenv.simulate(body, law, sledenv.Slope(0.1), one, how) for one in states]
+    )
     assert "zero" not in said(table[table["duration_s"] == 0.0], body=body)
 
 

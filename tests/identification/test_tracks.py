@@ -140,7 +140,7 @@ def test_a_body_with_any_outline_tells_its_law(body: Body, launched: State) -> N
     """Oracle: the law; the sled hits with its nose, the polygon with two of its corners."""
     one = PLAIN._replace(body=body, launch=launched)
     features = descent(one, 0.5).rebounds["feature"]
-    assert len(set(features.tolist())) > 1 if body is STONE else features[0] == sledenv.Feature.NOSE
+    assert len(set(features.tolist())) > 1 if body is STONE else features[0] == sledenv.simulation.Feature.NOSE
     found = identify_tracks(track(one, np.random.default_rng(8), seconds=0.5), body, one.slope, fixed=KNOWN)
     assert all(covered(found, one, 2.0).values())
     arm = body.radius if body is SLED else body.size

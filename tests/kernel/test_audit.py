@@ -106,7 +106,7 @@ def test_what_is_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @cache
-def ride() -> sledenv.Descent:
+def ride() -> sledenv.simulation.Descent:
     """Return a crate that slides, tumbles and flies over a bump and comes to rest in a dip."""
     corners = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
     law = sledenv.ContactLaw.from_restitution(
@@ -200,7 +200,7 @@ PLANTED: dict[str, tuple[Callable[[np.ndarray], Any], str, float, float, str]] =
 }
 
 
-def kinds(descent: sledenv.Descent, **changes: Any) -> set[str]:
+def kinds(descent: sledenv.simulation.Descent, **changes: Any) -> set[str]:
     """Return the kinds of faults that are found in a descent after some changes."""
     return {fault.kind for fault in audit(dataclasses.replace(descent, **changes)).faults}
 

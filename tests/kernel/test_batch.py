@@ -10,7 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sledenv import ContactLaw, Segment, Settings, Slope, State, circular_segment, segment, simulate, simulate_batch
+from sledenv import ContactLaw, Settings, Slope, State, circular_segment, segment, simulate, simulate_batch
+from sledenv.bodies import Segment
 from sledenv.simulation import lanes as lanes_module
 from tests.bodies import rod, same_bits, segment_by_share
 

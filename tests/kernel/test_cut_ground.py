@@ -21,7 +21,7 @@ LENGTH = 100.0  # [m]
 
 def ridden(
     body: sledenv.Body, slope: sledenv.Slope, stiffness: float, speed: float, record: bool = False
-) -> sledenv.Descent:
+) -> sledenv.simulation.Descent:
     """A ride that starts at x = 0, lying on the ground, with a speed along it."""
     ahead, behind = np.asarray(slope.height_at([0.3 * body.size, -0.3 * body.size])).tolist()
     tilt = math.atan2(ahead - behind, 0.6 * body.size)

@@ -22,11 +22,13 @@ def body_of(told: Any) -> sledenv.Body:
     """A segment by its five numbers, or a body by its arcs: x, y, radius, begin, and whether it is a corner."""
     if isinstance(told, list):
         return sledenv.segment(*told)
-    arcs = [sledenv.Arc(*arc[:4], f"arc {k}", f"side {k}", arc[4]) for k, arc in enumerate(told["arcs"])]
+    arcs = [sledenv.bodies.Arc(*arc[:4], f"arc {k}", f"side {k}", arc[4]) for k, arc in enumerate(told["arcs"])]
     return sledenv.Body(told["mass"], told["inertia"], arcs)
 
 
-def simulated(case: dict[str, Any], side: float = 1.0, *, endless: bool = False, **options: Any) -> sledenv.Descent:
+def simulated(
+    case: dict[str, Any], side: float = 1.0, *, endless: bool = False, **options: Any
+) -> sledenv.simulation.Descent:
     """Simulate a case from one side of the picture or, of side -1, from the other; uphill no slope ends."""
     angle, length, gravity = case["slope"]
     x, y, phi, u, v, omega = case["launch"]

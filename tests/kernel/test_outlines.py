@@ -114,7 +114,7 @@ def laid(body: sledenv.Body, phi: float, u: float = 0.0) -> sledenv.State:
     return sledenv.State(0.0, support_height(body, phi), phi, u)
 
 
-def rigid(body: sledenv.Body, friction: float, launch: sledenv.State, **options: Any) -> sledenv.Descent:
+def rigid(body: sledenv.Body, friction: float, launch: sledenv.State, **options: Any) -> sledenv.simulation.Descent:
     law = sledenv.ContactLaw(1e8, PLASTIC, friction, 0.0)
     return sledenv.simulate(body, law, sledenv.Slope(0.0, gravity=GRAVITY), launch, solver="rigid", **options)
 

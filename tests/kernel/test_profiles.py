@@ -21,7 +21,7 @@ LAW = sledenv.ContactLaw.from_restitution(0.5, stiffness=1e7, friction=0.2, roll
 ICE = LAW._replace(friction=0.0, rolling_arm=0.0)
 
 
-def after(descent: sledenv.Descent) -> np.ndarray:
+def after(descent: sledenv.simulation.Descent) -> np.ndarray:
     """Velocities after each rebound."""
     return np.column_stack([descent.rebounds[name] for name in VELOCITIES])
 
@@ -173,7 +173,7 @@ def test_a_disc_at_rest_in_a_dip_presses_on_both_sides(degrees: float, arm: floa
 # Crests.
 
 
-def rolled(turn: float, friction: float) -> sledenv.Descent:
+def rolled(turn: float, friction: float) -> sledenv.simulation.Descent:
     """A disc that rolls over a crest with v0^2 = 0.1 g r."""
     radius = 0.5
     speed = math.sqrt(0.1 * G * radius)

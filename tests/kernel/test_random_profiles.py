@@ -15,7 +15,7 @@ ENDINGS = {"finish", "jammed", "timeout"}
 TIME = 6.0  # [s]
 
 
-def simulated(case: Case, **options: object) -> sledenv.Descent:
+def simulated(case: Case, **options: object) -> sledenv.simulation.Descent:
     return sledenv.simulate(*case[1:], max_time=TIME, max_rebounds=4000, **options)  # type: ignore[arg-type]
 
 

@@ -58,7 +58,7 @@ def test_a_disc_leaves_a_round_crest_where_its_weight_no_longer_turns_it(
 # Dips.
 
 
-def swing(radius: float, angle: float, stiffness: float, friction: float, time: float) -> sledenv.Descent:
+def swing(radius: float, angle: float, stiffness: float, friction: float, time: float) -> sledenv.simulation.Descent:
     """A disc that is let go in a round dip at an angle from the bottom."""
     away = radius - SMALL
     launch = sledenv.State(away * math.sin(angle), radius - away * math.cos(angle), 0.0)

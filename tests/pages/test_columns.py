@@ -82,8 +82,8 @@ def test_the_orientation_of_a_rebound_is_that_at_touchdown(solver: Solver) -> No
 def test_tables_of_descents_are_those_of_the_command_with_numbers_of_recordings() -> None:
     one = descent()
     for table, columns in (
-        (sledenv.recorded_rebounds([one, one]), rebound_columns(one)),
-        (sledenv.recorded_poses([one, one]), trajectory_columns(one)),
+        (sledenv.identification.recorded_rebounds([one, one]), rebound_columns(one)),
+        (sledenv.identification.recorded_poses([one, one]), trajectory_columns(one)),
     ):
         rows = len(next(iter(columns.values())))
         assert list(table) == ["recording", *columns]
@@ -93,7 +93,9 @@ def test_tables_of_descents_are_those_of_the_command_with_numbers_of_recordings(
                 part.drop(columns="recording").reset_index(drop=True), pd.DataFrame(columns), check_dtype=False
             )
         assert len(table) == 2 * rows
-    mixed = sledenv.recorded_poses([replace(descent("compliant"), trajectory=one.trajectory[:2]), descent("compliant")])
+    mixed = sledenv.identification.recorded_poses(
+        [replace(descent("compliant"), trajectory=one.trajectory[:2]), descent("compliant")]
+    )
     assert list(mixed) == ["recording", *trajectory_columns(descent("compliant"))]
     assert mixed["contact_1_x_m"][:2].isna().all()
 
@@ -104,9 +106,9 @@ def test_a_batch_has_the_table_of_its_descents_and_gives_its_law_back() -> None:
     launches = [launch._replace(phi=launch.phi + 0.2 * k, omega=0.5 * k) for k in range(6)]
     how = sledenv.Settings(solver="rigid", max_time=1.0)
     batch = sledenv.simulate_batch(body, law, slope, launches, how, keep_rebounds=True)
-    table = sledenv.recorded_rebounds(batch, body, launches)
+    table = sledenv.identification.recorded_rebounds(batch, body, launches)
     single = [sledenv.simulate(body, law, slope, one, how) for one in launches]
-    pd.testing.assert_frame_equal(table, sledenv.recorded_rebounds(single))
+    pd.testing.assert_frame_equal(table, sledenv.identification.recorded_rebounds(single))
     found = sledenv.identify(table, body, starts=4)
     assert found.values["restitution"] == pytest.approx(law.restitution, rel=1e-6)
     assert found.values["friction"] == pytest.approx(law.friction, rel=1e-5)
@@ -117,7 +119,7 @@ def test_what_makes_no_table_is_named() -> None:
     how = sledenv.Settings(solver="rigid", max_time=1.0)
     batch = sledenv.simulate_batch(body, law, slope, [launch], how)
     one = sledenv.simulate(body, law, slope, launch, how)
-    rebounds, poses = sledenv.recorded_rebounds, sledenv.recorded_poses
+    rebounds, poses = sledenv.identification.recorded_rebounds, sledenv.identification.recorded_poses
     for make, arguments, kind, message in (
         (rebounds, (batch, body, [launch]), ValueError, "simulate the batch with keep_rebounds"),
         (rebounds, (batch, body), ValueError, "launches: must be given with a batch"),

@@ -15,7 +15,8 @@ import pytest
 from scipy.ndimage import gaussian_filter1d
 
 import sledenv
-from sledenv import Arc, Body
+from sledenv import Body
+from sledenv.bodies import Arc
 from sledenv.pages.kernel import KERNEL
 from sledenv.pages.play import Mark, Played, play_page
 from sledenv.plot.shapes import pace

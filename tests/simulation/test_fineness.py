@@ -12,9 +12,10 @@ import pytest
 from scipy.optimize import brentq
 
 import sledenv
-from sledenv import Body, ContactLaw, Ride, RideBatch, Slope, State, simulate, simulate_batch
+from sledenv import Body, ContactLaw, Ride, Slope, State, simulate, simulate_batch
 from sledenv.kernel.params import SCENE
 from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.simulation import RideBatch
 from sledenv.simulation.fineness import IN_A_ROW, TooFine, too_fine
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.scenes import NO_ZONES, Scenes

@@ -17,22 +17,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from sledenv import (
-    ContactLaw,
-    Ride,
-    RideBatch,
-    Settings,
-    Slope,
-    State,
-    segment,
-    simulate,
-    simulate_batch,
-    simulate_blocks,
-)
+from sledenv import ContactLaw, Ride, Settings, Slope, State, segment, simulate, simulate_batch
 from sledenv.kernel.params import SCENE
 from sledenv.kernel.records import OUTCOME, REBOUND, TRAJECTORY
 from sledenv.machine.workers import runner
-from sledenv.simulation import lanes
+from sledenv.simulation import RideBatch, lanes, simulate_blocks
 from sledenv.simulation.grounds import plane
 from sledenv.simulation.scenes import NO_ZONES, Scenes
 from tests.bodies import same_bits

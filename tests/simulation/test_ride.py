@@ -15,7 +15,6 @@ from sledenv import (
     Body,
     ContactLaw,
     Ride,
-    RideBatch,
     Settings,
     Slope,
     State,
@@ -27,6 +26,7 @@ from sledenv import (
     sled,
 )
 from sledenv.kernel.records import RUNNING
+from sledenv.simulation import RideBatch
 from sledenv.simulation.support import support_height
 from tests.own_scenarios import own_scenario
 

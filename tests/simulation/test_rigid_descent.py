@@ -7,16 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from sledenv import (
-    ContactLaw,
-    Slope,
-    State,
-    Zone,
-    circular_segment,
-    rigid_impact,
-    segment,
-    simulate,
-)
+from sledenv import ContactLaw, Slope, State, Zone, circular_segment, rigid_impact, segment, simulate
 from sledenv.simulation.support import support_height
 
 GRAVITY = 9.81

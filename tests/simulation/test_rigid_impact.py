@@ -7,7 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from sledenv import Body, ContactLaw, Mode, Segment, State, circular_segment, polygon, rigid_impact, segment
+from sledenv import Body, ContactLaw, State, circular_segment, polygon, rigid_impact, segment
+from sledenv.bodies import Segment
+from sledenv.simulation import Mode
 from sledenv.simulation.rigid_impact import Hypothesis, velocities_after
 from tests.bodies import rod
 from tests.oracles import rational_impact

@@ -10,17 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sledenv import (
-    ContactLaw,
-    Settings,
-    Slope,
-    State,
-    load_scenario,
-    segment,
-    simulate,
-    simulate_batch,
-    simulate_blocks,
-)
+from sledenv import ContactLaw, Settings, Slope, State, load_scenario, segment, simulate, simulate_batch
+from sledenv.simulation import simulate_blocks
 from sledenv.simulation.settings import DEFAULT
 
 PROBLEM: Any = (

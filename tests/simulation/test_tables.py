@@ -28,7 +28,7 @@ def test_laws_slopes_bodies_and_launches_may_be_frames() -> None:
     laws, slopes = np.tile(LAW, (3, 1)), np.tile([*SLOPE[:3], 0.0, 5.0, 0.2, 1e-3, 0.0, np.nan, np.nan], (3, 1))
     tables = np.tile([1.0, 0.1, 0.05, 0.0075, 2.0], (3, 1)), laws, slopes, LAUNCHES
     zone = [f"zones[0].{name}" for name in sledenv.Zone._fields]
-    names = sledenv.Segment.fields[:-1], ContactLaw._fields, (*Slope._fields[:3], *zone), State._fields
+    names = sledenv.bodies.Segment.fields[:-1], ContactLaw._fields, (*Slope._fields[:3], *zone), State._fields
     frames = [pd.DataFrame(*given).iloc[:, ::-1] for given in zip(tables, [None] * 4, names, strict=True)]
     one, other = (sledenv.simulate_batch(*given) for given in (tables, frames))
     assert one.outcomes.tobytes() == other.outcomes.tobytes()
@@ -47,7 +47,7 @@ def test_arrays_may_lie_in_memory_as_they_like_and_stay_as_they_are(tmp_path: Pa
         *(np.repeat(launches, 2, axis=0)[::2], launches[::-1].copy()[::-1], launches.astype(">f8")),
     ):
         assert sledenv.simulate_batch(BODY, laws, SLOPE, given).outcomes.tobytes() == expected
-        rides = sledenv.RideBatch(BODY, laws, SLOPE, given)
+        rides = sledenv.simulation.RideBatch(BODY, laws, SLOPE, given)
         rides.launch(np.array([0, 1]), LAW._replace(friction=0.5), SLOPE, given[1:])
         assert (given == launches).all()
         assert (laws == LAW).all()

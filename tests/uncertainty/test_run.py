@@ -25,7 +25,7 @@ GRAVITY = 9.81
 FEW = 80  # launches a block, at most
 
 
-def find(base: dict[str, Any], out: Path, **changes: Any) -> sledenv.StudyResult:
+def find(base: dict[str, Any], out: Path, **changes: Any) -> sledenv.uncertainty.StudyResult:
     return sledenv.study(made(base, **changes), out, workers=1, progress=False)
 
 
@@ -51,7 +51,7 @@ def product_indices(factors: dict[str, tuple[float, float]]) -> dict[str, tuple[
 
 
 @pytest.fixture(scope="module")
-def pushed(tmp_path_factory: pytest.TempPathFactory) -> sledenv.StudyResult:
+def pushed(tmp_path_factory: pytest.TempPathFactory) -> sledenv.uncertainty.StudyResult:
     """Descents of a sled that finish, jam and tumble, by one worker without interruption."""
     return find(PUSH, tmp_path_factory.mktemp("push") / "out")
 
@@ -161,7 +161,7 @@ def test_passages_are_descents_on_slopes_that_end_there() -> None:
     }
 
 
-def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
+def test_tables_are_those_of_a_plain_batch(pushed: sledenv.uncertainty.StudyResult) -> None:
     """Oracle: simulate_batch of the same launches, numpy's quantiles, counting."""
     study = pushed.study
     values = study.values(run.draws(study))
@@ -186,7 +186,7 @@ def test_tables_are_those_of_a_plain_batch(pushed: sledenv.StudyResult) -> None:
     assert (pushed.shares["share"] > 0.02).sum() >= 3
 
 
-def test_envelopes_count_every_launch_once_at_every_distance(pushed: sledenv.StudyResult) -> None:
+def test_envelopes_count_every_launch_once_at_every_distance(pushed: sledenv.uncertainty.StudyResult) -> None:
     """Oracle: where each descent ended; a sled that has stopped or finished does not move on."""
     table, envelopes = pushed.read(), pushed.envelopes
     assert len(envelopes) == 21
@@ -207,20 +207,24 @@ def test_envelopes_count_every_launch_once_at_every_distance(pushed: sledenv.Stu
     assert (envelopes["moving"] <= envelopes["moving_high"]).all()
 
 
-def contents(result: sledenv.StudyResult) -> dict[str, bytes]:
+def contents(result: sledenv.uncertainty.StudyResult) -> dict[str, bytes]:
     files = (file for file in result.folder.rglob("*.parquet"))
     return {str(file.relative_to(result.folder)): file.read_bytes() for file in files}
 
 
 @pytest.fixture(scope="module")
-def blocks(pushed: sledenv.StudyResult, tmp_path_factory: pytest.TempPathFactory) -> sledenv.StudyResult:
+def blocks(
+    pushed: sledenv.uncertainty.StudyResult, tmp_path_factory: pytest.TempPathFactory
+) -> sledenv.uncertainty.StudyResult:
     """The same descents by two workers, in smaller blocks."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(run, "BLOCK", FEW)
         return sledenv.study(pushed.study, tmp_path_factory.mktemp("blocks") / "out", workers=2, progress=False)
 
 
-def test_two_workers_find_what_one_does(pushed: sledenv.StudyResult, blocks: sledenv.StudyResult) -> None:
+def test_two_workers_find_what_one_does(
+    pushed: sledenv.uncertainty.StudyResult, blocks: sledenv.uncertainty.StudyResult
+) -> None:
     """Oracle: the launches of one worker in other blocks, bit for bit; blocks do not matter but for the files."""
     assert (len(pushed.files), len(blocks.files)) == (7, 8)
     pd.testing.assert_frame_equal(blocks.read(), pushed.read(), check_exact=True)
@@ -230,7 +234,10 @@ def test_two_workers_find_what_one_does(pushed: sledenv.StudyResult, blocks: sle
 
 
 def test_a_study_that_is_stopped_goes_on_where_it_was_and_simulates_again_what_is_not_as_it_was_left(
-    blocks: sledenv.StudyResult, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+    blocks: sledenv.uncertainty.StudyResult,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
 ) -> None:
     """Oracle: the files of the study that was not stopped.
 
@@ -344,14 +351,14 @@ def test_intervals_of_groups_cover_the_truth() -> None:
     assert 0.92 <= covered / 400 <= 0.98
 
 
-def test_what_is_printed_is_what_was_found(pushed: sledenv.StudyResult) -> None:
+def test_what_is_printed_is_what_was_found(pushed: sledenv.uncertainty.StudyResult) -> None:
     lines = pushed.words.splitlines()
     assert max(map(len, lines)) <= 120
     jammed = next(line for line in lines if line.startswith("jammed")).split()
     assert float(jammed[1]) == pytest.approx(pushed.shares.set_index("status").loc["jammed", "share"], abs=1e-4)
     assert "contact.friction" in pushed.words
     assert sorted(path.name for path in pushed.folder.iterdir()) == sorted(run.FILES)
-    again = sledenv.load_study(pushed.folder / "study.yaml")
+    again = sledenv.uncertainty.load_study(pushed.folder / "study.yaml")
     assert again.key == pushed.study.key
     assert again.launches == pushed.study.launches
 

@@ -35,7 +35,7 @@ def test_every_launch_rides_the_track_of_its_number() -> None:
     low, _ = study.base.ranges
     for i, row in enumerate(values.tolist()):
         given = dict(zip(names, row, strict=True))
-        context = sledenv.Context(*low)._replace(
+        context = sledenv.scenarios.Context(*low)._replace(
             friction=given["contact.friction"], speed=given["launch.speed_m_s"], track=given["slope.bumps"]
         )
         own = scenario.given(context)

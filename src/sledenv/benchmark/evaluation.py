@@ -181,8 +181,8 @@ def evaluate(
     control, launch_noise, observe, columns
         As the policy was trained with; the defaults are those of the environments. A run has its own.
     shifted : bool
-        Evaluate in contexts of a kind that no one trains on, those of :meth:`sledenv.Scenario.shifted`, seen on the
-        scale of the others.
+        Evaluate in contexts of a kind that no one trains on, those of
+        :meth:`sledenv.scenarios.Scenario.shifted`, seen on the scale of the others.
     tracks : bool
         Ride the test contexts on the :mod:`tracks made by hand <sledenv.scenarios>`, on which no one trains:
         each context on the next track, in the order of their names.

@@ -169,15 +169,15 @@ class Problem:
     def shifted(self) -> Problem:
         """Return the problem in contexts of a kind that no one trains on, to judge agents of this one in them.
 
-        They are those of :meth:`sledenv.Scenario.shifted`. Agents see them scaled as they are used to.
+        They are those of :meth:`sledenv.scenarios.Scenario.shifted`. Agents see them scaled as they are used to.
         """
         return self._seen_here(self.scenario.shifted())
 
     def on(self, track: Track | str | os.PathLike[str]) -> Problem:
         """Return the ride on a track made by hand, on which no one trains, to judge agents of this one on it.
 
-        Its contexts are those of this problem, over other ground: see :meth:`sledenv.Scenario.on`. Agents see it scaled
-        as they are used to.
+        Its contexts are those of this problem, over other ground: see :meth:`sledenv.scenarios.Scenario.on`. Agents see
+        it scaled as they are used to.
 
         Raises
         ------

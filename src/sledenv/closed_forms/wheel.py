@@ -66,7 +66,7 @@ class WheelImpact:
         Counter-clockwise is positive, as for a normal impulse that acts at d downhill of the contact point; positive
         throughout Table 1, where u0 > 0 and omega0 = 0. 0 without normal impulse.
     scenario : str or ndarray of str
-        How the impact ended: in the words of ``sledenv.Mode``, or "none".
+        How the impact ended: in the words of ``sledenv.simulation.Mode``, or "none".
     """
 
     u: Values

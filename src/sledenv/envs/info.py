@@ -69,8 +69,8 @@ def episode_info(scenes: Scenes, batch: DescentBatch, keys: Iterable[str] = INFO
     Returns
     -------
     dict
-        Arrays of shape (n,), in dicts. The status is a code, an index of ``sledenv.STATUS_OF_CODE``. Columns of
-        rebounds are arrays of lists, because logs differ in length.
+        Arrays of shape (n,), in dicts. The status is a code, an index of
+        ``sledenv.simulation.STATUS_OF_CODE``. Columns of rebounds are arrays of lists, because logs differ in length.
     """
     outcomes, jam = batch.outcomes, batch.jam
     info: dict[str, Any] = {}

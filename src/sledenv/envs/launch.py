@@ -43,7 +43,7 @@ class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     Info
         ``context``; ``launch``, the orientation [rad], spin [rad/s] and speed [m/s] with which the body was let go, its
         error included; ``rebounds`` (a dict of columns, one entry per rebound), ``jam``, ``is_success`` and ``descent``
-        (status, an index of ``sledenv.STATUS_OF_CODE``, time, energy).
+        (status, an index of ``sledenv.simulation.STATUS_OF_CODE``, time, energy).
 
     Parameters
     ----------

@@ -82,12 +82,12 @@ class Task:
     solver : {"compliant", "rigid"}
         As for :func:`sledenv.simulate`.
     split : {"train", "validation", "test"}, optional
-        Which contexts are drawn, see :meth:`sledenv.Scenario.contexts`; all by default.
+        Which contexts are drawn, see :meth:`sledenv.scenarios.Scenario.contexts`; all by default.
     launch_noise : pair of float, optional
         Standard deviations of normal errors of the orientation [rad] and of the spin [rad/s] at launch, >= 0; those of
         the scenario by default.
     observe : "all" or sequence of str
-        Fields of :class:`sledenv.Context` that an agent sees; the others vary as before, but read 0.
+        Fields of :class:`sledenv.scenarios.Context` that an agent sees; the others vary as before, but read 0.
     columns : sequence of str
         Groups of columns that an observation has: of "context", "state", "ground" and "landing", told in this order;
         all by default. A launch has no state and no landing.

@@ -9,7 +9,6 @@ from sledenv.plot.growth import plot_growth
 from sledenv.plot.impacts import plot_impulse_plane
 from sledenv.plot.maps import plot_jam_map, plot_mode_map, plot_table_1
 from sledenv.plot.paper import (
-    plot_convergence,
     plot_impact_phases,
     plot_sliding_end,
     plot_velocities,
@@ -18,7 +17,6 @@ from sledenv.plot.paper import (
 from sledenv.plot.strobe import plot_strobe
 
 __all__ = [
-    "plot_convergence",
     "plot_descent",
     "plot_growth",
     "plot_impact",

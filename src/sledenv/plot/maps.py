@@ -103,7 +103,7 @@ def plot_mode_map(
     speed_ratio : ndarray, shape (m,)
         Tangential over normal speed of approach ``u/|v|`` [-], likewise.
     panels : mapping of str to ndarray of int, shape (m, n)
-        Title to :class:`sledenv.Mode` of each cell.
+        Title to :class:`sledenv.simulation.Mode` of each cell.
     note : str
         Written above the panels.
 

@@ -92,41 +92,6 @@ def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float,
     return figure
 
 
-def plot_convergence(stiffness: np.ndarray, errors: Mapping[str, np.ndarray], *, note: str = "") -> Figure:
-    """Plot how the compliant impact approaches the rigid one as the contact stiffens.
-
-    Parameters
-    ----------
-    stiffness : ndarray, shape (n,)
-        Of the contact [N/m].
-    errors : mapping of str to ndarray, shape (n,)
-        Distance of the velocities after the impact [m/s], by name of the case.
-    note : str
-        Written above the axes.
-
-    Returns
-    -------
-    Figure
-        With a line of slope -1/2 to compare with.
-    """
-    with styled():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(WIDTH, 5.2), layout="constrained")
-        ax = figure.subplots()
-        colours = (BLUE, RED, GREEN, PURPLE, ORANGE)
-        for (name, error), colour, marker in zip(errors.items(), colours, "osD^v", strict=False):
-            slope = np.polyfit(np.log(stiffness), np.log(error), 1)[0]
-            ax.loglog(stiffness, error, marker=marker, color=colour, label=f"{plain(name)}: slope {slope:.3f}")
-        most = max(float(error[0]) for error in errors.values())
-        ax.loglog(stiffness, 3.0 * most * np.sqrt(stiffness[0] / stiffness), ls=DASHES, color=INK, label="slope -1/2")
-        ax.set_xlabel("stiffness c [N/m]")
-        ax.set_ylabel("distance from the rigid impact [m/s]")
-        ax.set_title(plain(note), loc="left")
-        ax.legend()
-    return figure
-
-
 def plot_velocities(descent: Descent, *, note: str = "", paper: bool = False) -> Figure:
     """Plot the velocity of the mass centre in the world, not along the slope, and the spin.
 

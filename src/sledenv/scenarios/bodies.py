@@ -171,7 +171,7 @@ class HullBody(OutlinedBody):
 
 
 class ArcSection(Section):
-    """One arc of an outline: see :class:`sledenv.Arc`."""
+    """One arc of an outline: see :class:`sledenv.bodies.Arc`."""
 
     x_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]
     y_m: Annotated[float, Quantity("[-1e+50, 1e+50] m")]

@@ -19,7 +19,7 @@ class TrackError(ValueError):
 class Track(Document):
     """Vertices over the plane of a slope, from its start to its finish; the ground is level before and behind them.
 
-    The keys are those of the YAML file. :meth:`sledenv.Scenario.on` puts a sled on it.
+    The keys are those of the YAML file. :meth:`sledenv.scenarios.Scenario.on` puts a sled on it.
     """
 
     called: ClassVar[str] = "track"

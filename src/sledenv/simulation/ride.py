@@ -36,8 +36,9 @@ from sledenv.simulation.simulator import Simulator, copied
 class Ride:
     """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
 
-    A ride that is never trimmed ends with the very :class:`sledenv.Descent` that :func:`sledenv.simulate` returns, bit
-    for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the copies go on independently and identically.
+    A ride that is never trimmed ends with the very :class:`sledenv.simulation.Descent` that
+    :func:`sledenv.simulate` returns, bit for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the copies
+    go on independently and identically.
 
     Parameters
     ----------

@@ -148,7 +148,7 @@ function pythonOf({ scene, launch, input }) {
   return [
     ...(endless ? ["import math"] : []),
     "import sledenv",
-    ...(python.startsWith("sledenv.") ? [] : ["from sledenv import Arc, Body, Segment"]),
+    ...(python.startsWith("sledenv.") ? [] : ["from sledenv.bodies import Arc, Body, Segment"]),
     "",
     `body = ${python}${replaced}`,
     `law = sledenv.ContactLaw(${spelled({ stiffness, asymmetry, friction, rolling_arm, corner_rolling_arm })})`,
