@@ -61,7 +61,8 @@ autodoc_typehints = "none"  # the types are in the docstrings, with shapes and u
 napoleon_google_docstring = False
 napoleon_use_rtype = False
 napoleon_preprocess_types = True
-napoleon_type_aliases = {name: f"~sledenv.{name}" for name in sledenv.__all__}
+_PUBLIC = (sledenv, sledenv.bodies, sledenv.simulation, sledenv.scenarios, sledenv.benchmark, sledenv.uncertainty)
+napoleon_type_aliases = {name: f"~{home.__name__}.{name}" for home in reversed(_PUBLIC) for name in home.__all__}
 viewcode_line_numbers = True
 
 # Formulae are drawn by a copy of MathJax that travels with the site, so that it needs no network.

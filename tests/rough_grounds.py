@@ -326,7 +326,8 @@ def code_of(case: Case) -> str:
     slope = case.slope
     lines = [
         "import sledenv",
-        "from sledenv import Arc, Body, ContactLaw, Segment, Slope, State",
+        "from sledenv import Body, ContactLaw, Slope, State",
+        "from sledenv.bodies import Arc, Segment",
         "",
         f"# {case.name}",
         f"body = {case.body.typed()}",

@@ -37,8 +37,8 @@ class Ride:
     """A descent that is followed hop by hop: it can be trimmed at every rebound, and go on in more than one way.
 
     A ride that is never trimmed ends with the very :class:`sledenv.simulation.Descent` that
-    :func:`sledenv.simulate` returns, bit for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the copies
-    go on independently and identically.
+    :func:`sledenv.simulate` returns, bit for bit. It can be copied (:meth:`copy`) and pickled at any rebound; the
+    copies go on independently and identically.
 
     Parameters
     ----------
