@@ -41,14 +41,11 @@ async function simulate() {
 
 function accept(found) {
   const rows = drawable(found);
-  const film = filmOf(found, rows.t.at(-1));
-  const first = shown === null;
-  const other = !first && (shown.input.body !== found.input.body || !grabbed);
-  shown = { ...found, rows, film };
+  shown = { ...found, rows, film: filmOf(found, rows.t.at(-1)) };
   selected = clamp(selected, 0, Math.max(found.rebounds.t.length - 1, 0));
   pause();
   position = 0;
-  if (first || other) fit();
+  if (!grabbed) fit();
   draw();
 }
 
