@@ -88,7 +88,6 @@ function draw() {
 
 const filmLength = () => shown.film.film.at(-1);
 
-/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
 function drawOutcome() {
   const { status, outcome, jam } = shown;
   const pairs = [
@@ -102,10 +101,7 @@ function drawOutcome() {
   ];
   const list = $("outcome");
   if (!list.children.length) list.innerHTML = entries(pairs);
-  pairs.forEach(([, text], i) => {
-    const cell = list.children[i].lastElementChild;
-    if (cell.textContent !== text) cell.textContent = text;
-  });
+  pairs.forEach(([, text], i) => put(list.children[i].lastElementChild, text));
 }
 
 function cellsOf(i) {
