@@ -19,7 +19,7 @@ from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.ride import Ride
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.settings import DEFAULT, Settings
+from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
@@ -133,9 +133,3 @@ def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     found = in_node(json.dumps(cases).encode(), tmp_path)
     assert_bits(found, descents)
     assert sum(len(case["ride"]["spins"]) for case in cases) > 60  # there is something to compare
-
-
-def test_default_limits_travel_with_the_kernel() -> None:
-    """Oracle: the default settings; infinities are strings there."""
-    told = kernel.told(kernel.KERNEL.read_bytes())["limits"]
-    assert {name: float(value) for name, value in told.items()} == DEFAULT.limits._asdict()

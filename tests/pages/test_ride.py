@@ -114,7 +114,9 @@ def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser)
 @pytest.mark.jit_only
 def test_a_fall_is_told_and_the_best_score_stays(page: Browser) -> None:
     """Oracle: the parts that touch in the last row of ``Ride``, of those that end it."""
-    scenario, context = drawn("sled_kickers", SEEDS[0])
+    scenario, context = drawn("sled_kickers", SEEDS[1])  # on which all three fall
+    page.run("location.hash = arguments[0]", f"slope=draw+{SEEDS[1]}")
+    wait_until(page, f"hill === E.hills[1] && {STANDS}")
     at_speed(page, 50.0)
     page.click("#through")
     scores = []
@@ -131,10 +133,8 @@ def test_a_fall_is_told_and_the_best_score_stays(page: Browser) -> None:
         parts = {descent.body.parts[code - 1] for code in last["part"]} & set(scenario.settings().end_parts)
         words = page.text("#words")
         assert words.endswith(f"your best here {max(scores):.3f}.")
-        if descent.status == "tumbled":
-            said = words.partition(": ")[2].partition(" on the snow")[0]
-            assert words.startswith(f"You fell at {descent.state.x:.1f} m")
-            assert set(said.split(" and ")) == parts
+        assert descent.status == "tumbled"
+        assert words.startswith(f"You fell at {descent.state.x:.1f} m: {' and '.join(parts)} on the snow.")
         assert page.text("#go") == "Ride again"
     assert page.run("return riders.every(one => hasEnded(one))")
 

@@ -18,20 +18,16 @@ _QUESTION: Final = (
     "A rider lies on a sled and rides over three bumps of packed snow. "
     "The descent ends where the rider touches the snow."
 )
-_HEIGHT, _FACE, _TOP, _GAP, _COUNT = 0.3, 1.5, 0.5, 3.0, 3  # [m] of the bumps, and how many there are
-_LENGTH: Final = 24.0  # [m]
-_DROP: Final = 0.2  # [m]
+_BUMP: Final = ((3.0, 0.0), (4.5, 0.3), (5.0, 0.3), (6.5, 0.0))  # [m], the first of three
 
 
 def opening_descent() -> Descent:
     """Return the ride, with its trajectory."""
-    period = 2.0 * _FACE + _TOP + _GAP
-    bump = ((0.0, 0.0), (_FACE, _HEIGHT), (_FACE + _TOP, _HEIGHT), (2.0 * _FACE + _TOP, 0.0))
-    profile = [(_GAP + k * period + x, y) for k in range(_COUNT) for x, y in bump]
+    profile = [(x + 6.5 * k, y) for k in range(3) for x, y in _BUMP]
     body = sled()
     law = ContactLaw.from_restitution(0.2, stiffness=1e6, friction=0.03, rolling_arm=0.001)
-    slope = Slope(math.radians(12.0), _LENGTH, profile=profile)
-    launch = State(0.0, _DROP + support_height(body, 0.0), 0.0, u=7.0)
+    slope = Slope(math.radians(12.0), 24.0, profile=profile)
+    launch = State(0.0, 0.2 + support_height(body, 0.0), 0.0, u=7.0)
     settings = Settings(max_time=30.0, max_rebounds=200, end_touching=RIDER)
     return simulate(body, law, slope, launch, settings, record="trajectory")
 

@@ -41,14 +41,11 @@ async function simulate() {
 
 function accept(found) {
   const rows = drawable(found);
-  const film = filmOf(found, rows.t.at(-1));
-  const first = shown === null;
-  const other = !first && (shown.input.body !== found.input.body || !grabbed);
-  shown = { ...found, rows, film };
+  shown = { ...found, rows, film: filmOf(found, rows.t.at(-1)) };
   selected = clamp(selected, 0, Math.max(found.rebounds.t.length - 1, 0));
   pause();
   position = 0;
-  if (first || other) fit();
+  if (!grabbed) fit();
   draw();
 }
 
@@ -91,7 +88,6 @@ function draw() {
 
 const filmLength = () => shown.film.film.at(-1);
 
-/* Only words that are other ones: a list made anew would be laid out anew in each picture. */
 function drawOutcome() {
   const { status, outcome, jam } = shown;
   const pairs = [
@@ -105,10 +101,7 @@ function drawOutcome() {
   ];
   const list = $("outcome");
   if (!list.children.length) list.innerHTML = entries(pairs);
-  pairs.forEach(([, text], i) => {
-    const cell = list.children[i].lastElementChild;
-    if (cell.textContent !== text) cell.textContent = text;
-  });
+  pairs.forEach(([, text], i) => put(list.children[i].lastElementChild, text));
 }
 
 function cellsOf(i) {

@@ -7,7 +7,7 @@ const HALVINGS = 3;
 const AXES = D.axes;
 const NOISY = ["orientation", "spin"];
 const VIRIDIS = ["#440154", "#472d7b", "#3b528b", "#2c728e", "#21918c", "#28ae80", "#5ec962", "#addc30", "#fde725"];
-let crew = null; // workers of maps and clouds
+let crew = null; // workers of the map
 let map = null;
 
 const errorOf = (name) => (NOISY.includes(name) ? valueOf(`error_${name}`) / PARAMETERS[name].factor : 0); // in the unit that a reader sees
@@ -203,8 +203,7 @@ function chartOf(svg, [x, y]) {
 
 function drawChart(svg, values) {
   const [x, y] = map.axes;
-  const chart = chartOf(svg, map.axes);
-  const { width, height, left, top, w, h, column, row } = chart;
+  const { width, height, left, top, w, h, column, row } = chartOf(svg, map.axes);
   const begin = ({ values: all, step, low }) => (low - all[0]) / step + 0.5;
   const [wide, high] = [x, y].map((axis) => (axis.high - axis.low) / axis.step);
   const parts = [
@@ -223,7 +222,10 @@ function drawChart(svg, values) {
     words(left + w / 2, height - 5, axisWords(x), "var(--ink)"),
     `<text transform="translate(11 ${top + h / 2}) rotate(-90)" text-anchor="middle" fill="var(--ink)">${axisWords(y)}</text>`,
   );
-  if (map.best) parts.push(star(...map.best.launch, chart));
+  if (map.best) {
+    const [at, up] = map.best.launch;
+    parts.push(`<g class="best" font-size="24" stroke="#2d343c">${words(column(at), row(up) + 8, "★", "#fff")}</g>`);
+  }
   for (const one of marksShown()) {
     const [a, b] = AXES.map((name) => placeOfMark(one, name));
     parts.push(
@@ -240,13 +242,6 @@ function drawChart(svg, values) {
     );
   svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
   svg.innerHTML = parts.join("");
-}
-
-function star(a, b, { column, row }) {
-  const corners = Array.from({ length: 10 }, (_, k) => [k % 2 ? 4.2 : 10, Math.PI * (k / 5 - 0.5)])
-    .map(([size, turn]) => `${far(column(a) + size * Math.cos(turn))},${far(row(b) + size * Math.sin(turn))}`)
-    .join(" ");
-  return `<polygon class="best" points="${corners}" fill="#fff" stroke="#2d343c" stroke-width="1.2"/>`;
 }
 
 const axisWords = ({ name }) => `${name} at launch [${PARAMETERS[name].unit}]`;
@@ -319,19 +314,8 @@ function pick(event) {
   choose([x.low + across * (x.high - x.low), y.low + up * (y.high - y.low)]);
 }
 
-function onArrow(event) {
-  const moves = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowDown: [0, -1], ArrowUp: [0, 1] };
-  const move = moves[event.key];
-  if (!move || !map) return;
-  const [x, y] = map.axes;
-  const places = [x, y].map((axis, i) => clamp(shownOf(axis.name) + move[i] * axis.step, axis.low, axis.high));
-  choose(places);
-  event.preventDefault();
-}
-
 $("map").addEventListener("pointerdown", pick);
 $("map").addEventListener("pointermove", pick);
-$("map").addEventListener("keydown", onArrow);
 $("maps").addEventListener("toggle", () => {
   if (shown) refreshMap();
 });
@@ -339,7 +323,7 @@ $("marks").addEventListener("click", onMark);
 $("best").addEventListener("click", () => choose(map.best.launch, D.free));
 $("scale").style.background = `linear-gradient(90deg, ${VIRIDIS})`;
 
-/* The descents of a noisy hand: the same draws each time. */
+/* Draws of the launch noise, the same each time. */
 const NORMAL = Array.from({ length: DRAWS }, (_, k) => {
   // Box and Muller, of points that fill the square evenly: multiples of the plastic number's powers
   const [a, b] = [0.7548776662466927, 0.5698402909980532].map((rate) => (0.5 + rate * (k + 1)) % 1);

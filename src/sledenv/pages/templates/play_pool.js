@@ -3,6 +3,11 @@
 const PATIENCE = 2; // [s] for a descent
 let own = null; // the kernel of the page itself, which lays the ground that is drawn
 
+/* Words that are other ones: what is written anew would be laid out anew in each picture. */
+function put(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
 function tell(text) {
   $("problem").textContent = text;
   $("problem").hidden = text === "";

@@ -112,7 +112,7 @@ function fit() {
   const length = given.slope.length < Infinity ? given.slope.length : null;
   const width = clamp($("controls").clientWidth, 260, 1160);
   const room = [0.5 * size, rows.y[0] + 1.2 * size];
-  const height = width < 450 ? 270 : 400;
+  const height = Math.round(clamp(0.42 * width, 220, 400));
   scene = new Scene(
     { slope: { ...given.slope, length, line: groundLine() }, body: D.drawn[input.body], size },
     [...pointsOf(rows), ...ghostPoints(), room],

@@ -225,10 +225,6 @@ function show() {
   put($("words"), wordsNow());
 }
 
-function put(element, text) {
-  if (element.textContent !== text) element.textContent = text;
-}
-
 const hasEnded = (rider) => !isRunning(rider) && time >= rider.outcome.t;
 const scoreOf = (rider, x) => (hasEnded(rider) ? rider.jam.reward : D.share * clamp(x / hill.scene.slope.length, 0, 1)); // what is sure of it
 

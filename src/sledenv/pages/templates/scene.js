@@ -200,12 +200,14 @@ class Scene {
     }
     parts.push(`<polyline class="surface" points="${surface}" fill="none" stroke="var(--line)" stroke-width="2"/>`);
     if (slope.length !== null) {
-      const [column, row] = this.pixel(slope.length, this.height(slope.length));
-      const top = this.follow ? row - 4 * this.size * scale : Math.max(row - 4 * this.size * scale, 24);
+      const foot = this.height(slope.length);
+      const room = this.follow ? Infinity : (this.pixel(slope.length, foot)[1] - 24) / scale;
+      const top = foot + Math.min(4 * this.size, room);
+      const [column, row] = this.pixel(slope.length, top);
       parts.push(
-        `<line x1="${far(column)}" x2="${far(column)}" y1="${far(row)}" y2="${far(top)}" stroke="var(--ink)" ` +
+        `<polyline points="${this.at(slope.length, foot)} ${this.at(slope.length, top)}" stroke="var(--ink)" ` +
           `stroke-width="4" stroke-dasharray="12 9"/>`,
-        words(this.follow ? column : Math.min(column, W - 20), top - 7, "finish", "var(--pale)"),
+        words(this.follow ? column : Math.min(column, W - 20), row - 7, "finish", "var(--pale)"),
       );
     }
     return parts.join("");
