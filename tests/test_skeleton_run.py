@@ -36,7 +36,7 @@ def test_the_run_takes_what_the_page_says(area, friction, time, highest, mean):
 
 
 def test_air_takes_what_differs_between_two_runs_along_the_same_way():
-    """Oracle: work and energy; both slide in contact, so that heights are the same at the line."""
+    """Oracle: work and energy; both slide in contact, so that heights are the same at the finish."""
     without, with_air = (sledenv.simulate(*given(area), max_time=120.0) for area in (0.0, 0.08))
     lost = with_air.energy.drag + with_air.energy.sliding + with_air.energy.rolling + with_air.energy.hysteresis
     other = without.energy.sliding + without.energy.rolling + without.energy.hysteresis

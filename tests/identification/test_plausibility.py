@@ -136,7 +136,7 @@ def test_another_zero_of_orientations_is_named_and_nothing_else(
 
 
 def test_the_least_of_the_zeros_that_a_body_cannot_tell_apart_is_named() -> None:
-    """A square looks alike from four sides: a half turn and .2 rad are .2 rad."""
+    """A square looks alike from four sides: a half turn and 0.2 rad are 0.2 rad."""
     square = sledenv.polygon(1.0, [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
     table = by_phi(square)
     found = said(table.assign(phi_rad=table["phi_rad"] + np.pi + 0.2), body=square)

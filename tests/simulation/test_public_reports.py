@@ -40,7 +40,7 @@ def test_an_elastic_ball_never_bounces_higher() -> None:
 def test_no_bounce_absorbs_what_is_left() -> None:
     """As reported in https://github.com/NVIDIAGameWorks/PhysX/issues/351, of a threshold of 2 m/s.
 
-    Oracle: every speed is e times the one before, down to a few micrometres a second.
+    Oracle: every speed is e times the one before, down to a few micrometres per second.
     """
     law = ContactLaw.from_restitution(0.5, stiffness=1e8, friction=0.0, rolling_arm=0.0)
     done = simulate(

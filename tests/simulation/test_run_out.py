@@ -1,4 +1,4 @@
-"""A run-out behind the line: the descent is judged at the line, and a crash behind it keeps nothing."""
+"""A run-out behind the finish: the descent is judged at the finish, and a fall behind it keeps nothing."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def test_up_to_the_line_it_is_the_descent_without_a_run_out(body: sledenv.Body, 
         assert long.time >= short.time
         assert long.energy.supplied == pytest.approx(short.energy.supplied, rel=1e-14)
         assert long.jam.progress == 1.0
-        assert long.jam.retention == short.jam.retention  # nothing crashes here: no part of the body is told to
+        assert long.jam.retention == short.jam.retention  # nothing falls here: no part of the body is told to
         assert abs(long.energy.residual) < 1e-10 * long.energy.turnover
     assert judged > 10
 
@@ -87,7 +87,7 @@ def test_a_crash_in_the_run_out_keeps_nothing(solver: str) -> None:
 
 
 def test_a_sliding_block_stops_in_the_run_out() -> None:
-    """It has passed the line, and does not crash: what it had there counts."""
+    """It has passed the finish, and does not fall: what it had there counts."""
     block = sledenv.polygon(2.0, [(-0.5, -0.1), (0.5, -0.1), (0.5, 0.1), (-0.5, 0.1)])
     law = ContactLaw.from_restitution(0.3, stiffness=1e8, friction=0.05, rolling_arm=0.0)
     slope = Slope(0.1, 6.0, 9.81, [Zone(5.5, math.inf, 0.4, 0.0)])
