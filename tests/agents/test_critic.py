@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
+from scipy.special import ndtr
 
 from sledenv.agents import curve
 from sledenv.agents.critic import _ACTING, _BLOCK, Agent, Critic, Episodes, Search, _write
@@ -254,3 +255,18 @@ def test_a_shipped_agent_is_of_its_scenario_as_it_is_and_beats_the_zero_action(s
     trials = problem.trials(problem.contexts("test", 40), "test")
     mine, zero = (problem.judge(one, trials)[0].jam.reward.mean() for one in (agent, Zero()))
     assert mine > zero
+
+
+def test_a_rating_is_a_mean_over_the_error(problem):
+    """Oracle: of a critic that knows a step at half of the largest trim, the normal distribution of the error."""
+    search = Search(problem, 0.0001, 0.1, 4000)
+    error = problem.scenario.rider.noise_rad_s / problem.scenario.rider.trim_rad_s
+
+    class Step:
+        def rate(self, features, observations, actions):
+            return np.tile((actions[:, 0] > 0.5).astype(np.float32), (len(observations), 1))
+
+    assert search.features.error == pytest.approx(error)
+    mean = Step().rate(None, np.zeros((1, 1)), search._rated) @ search._near
+    np.testing.assert_allclose(mean[0], ndtr((search.actions[:, 0] - 0.5) / error), atol=0.05)
+    assert np.abs(search.actions).max() == 1.0 < np.abs(search._rated).max()

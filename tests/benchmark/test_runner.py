@@ -269,3 +269,20 @@ def test_every_shipped_suite_can_be_read_and_its_agents_imported():
         assert len(set(names)) == len(names) > 0
     with pytest.raises(SuiteError, match=r"unknown suite 'smoek' \(did you mean 'smoke'\?\); known: .*; a file"):
         Suite.load("smoek")
+
+
+def test_a_folder_that_another_process_writes_is_left_alone(finished):
+    """Oracle: a process that holds its lock, and is killed then."""
+    file, folder, found = finished
+    script = (
+        "import sys; from pathlib import Path\n"
+        "from sledenv.machine.files import alone\n"
+        "with alone(Path(sys.argv[1]), wait=False): print('held', flush=True); sys.stdin.read()\n"
+    )
+    command = [sys.executable, "-c", script, folder / ".lock"]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as process:
+        assert process.stdout.readline() == b"held\n"
+        with pytest.raises(BlockingIOError, match="another process writes there"):
+            run_suite(Suite.load(file), folder, workers=1)
+        process.kill()
+    same(run(file, folder, workers=1), found)
