@@ -143,7 +143,7 @@ def wait_until(page: Browser, condition: str) -> None:
         f"const look = () => {condition} ? done(true) : performance.now() > last ? done(false) : setTimeout(look, 20);"
         "look(); })"
     )
-    if not any(page.run(look) for _ in range(6)):
+    if not any(page.run(look) for _ in range(24)):
         raise TimeoutError(condition)
 
 

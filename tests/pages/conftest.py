@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 import pytest
 
-from tests.browser import Browser, browser
+from tests.browser import CHROMEDRIVER, CHROMIUM, Browser, browser
 
 
 @pytest.fixture(scope="session")
 def opened(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Browser]:
+    if CHROMIUM is None or CHROMEDRIVER is None:
+        pytest.skip("needs chromium and chromedriver (Debian: chromium-driver)")
     with browser(tmp_path_factory.mktemp("profile")) as tab:
         yield tab
 

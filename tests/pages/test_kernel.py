@@ -27,21 +27,19 @@ from sledenv.simulation.support import support_height
 from tests.bodies import rod
 from tests.profiles import random_case
 
-NODE = shutil.which("node")
-RUNNER, SCRIPT = Path(__file__).with_name("kernels.mjs"), kernel.KERNEL.parent / "templates/kernel.js"
-needs_node = pytest.mark.skipif(NODE is None, reason="needs node, which runs WebAssembly (Debian: nodejs)")
+SCRIPT = kernel.KERNEL.parent / "templates/kernel.js"
 REMAKE = "the kernel has other sources than kernel.wasm: make wasm, and commit what it writes"
 
 
-def in_node(given: bytes, folder: Path) -> np.ndarray:
-    """Numbers that the kernel for pages gives in Node."""
-    assert NODE is not None
-    given_file, found = folder / "given", folder / "found"
-    given_file.write_bytes(given)
-    command = [NODE, RUNNER, SCRIPT, kernel.KERNEL, given_file, found]
+def in_node(runner: str, *files: Path) -> str:
+    """What a script of this folder prints that Node runs with the kernel for pages."""
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("needs node, which runs WebAssembly (Debian: nodejs)")
+    command = [node, Path(__file__).with_name(runner), SCRIPT, kernel.KERNEL, *files]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert not done.returncode, done.stderr
-    return np.frombuffer(found.read_bytes())
+    return done.stdout
 
 
 def test_the_kernel_for_pages_is_of_these_sources() -> None:
@@ -88,23 +86,24 @@ def _numbers(descent: Descent) -> Iterator[Any]:
         yield from (table[name] for name in table.dtype.names if name != "contacts")
 
 
-def assert_bits(found: np.ndarray, descents: Sequence[Descent]) -> None:
-    """The bits are those of the descents, signs of zeros too; but not of NaN, whose bits no processor promises."""
+def assert_bits(cases: Sequence[Any], descents: Sequence[Descent], folder: Path) -> None:
+    """In Node they have the bits of the descents, signs of zeros too; not of NaN, which no processor promises."""
+    given, numbers = folder / "given", folder / "found"
+    given.write_text(json.dumps(cases))
+    in_node("kernels.mjs", given, numbers)
+    found = np.frombuffer(numbers.read_bytes())
     expected = np.concatenate([np.asarray(part, float) for descent in descents for part in _numbers(descent)])
     same = (found.view(np.int64) == expected.view(np.int64)) | (np.isnan(found) & np.isnan(expected))
     assert same.all()
 
 
-@needs_node
-@pytest.mark.jit_only
 @pytest.mark.parametrize(("count", "seeds"), [(40, [1]), pytest.param(200, range(2, 27), marks=pytest.mark.slow)])
 def test_descents_in_node_have_the_bits_of_python(count: int, seeds: Sequence[int], tmp_path: Path) -> None:
     """Oracle: ``simulate``, in all numbers of ledger, metrics, rebounds, trajectory."""
     for seed in seeds:
         cases = [_case(seed, number) for number in range(count)]
-        found = in_node(json.dumps([kernel.descent_input(*case) for case in cases]).encode(), tmp_path)
         descents = [simulate(*scene, settings, record="trajectory") for *scene, settings in cases]
-        assert_bits(found, descents)
+        assert_bits([kernel.descent_input(*case) for case in cases], descents, tmp_path)
         assert sum(len(descent.rebounds) for descent in descents) > 2 * count  # there is something to compare
 
 
@@ -124,12 +123,9 @@ def _flown(number: int, rng: np.random.Generator) -> tuple[dict[str, Any], Desce
     return given | {"ride": {"rotor_inertia": rotor, "spins": spins}}, ride.descent()
 
 
-@needs_node
-@pytest.mark.jit_only
 def test_rides_in_a_page_have_the_bits_of_python(tmp_path: Path) -> None:
     """Oracle: ``Ride``, in every number of ledger, metrics, rebounds and trajectory."""
     rng = np.random.default_rng(11)
     cases, descents = zip(*(_flown(number, rng) for number in range(30)), strict=True)
-    found = in_node(json.dumps(cases).encode(), tmp_path)
-    assert_bits(found, descents)
+    assert_bits(cases, descents, tmp_path)
     assert sum(len(case["ride"]["spins"]) for case in cases) > 60  # there is something to compare

@@ -14,7 +14,7 @@ from sledenv.identification.rebound_fit import Identification
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.words import story
 from sledenv.uncertainty.result import StudyResult
-from tests.browser import Browser, data_of, needs_chromium, wait_until
+from tests.browser import Browser, data_of, wait_until
 
 
 def descended(record: str) -> Descent:
@@ -31,7 +31,6 @@ def test_a_descent_shows_its_story_or_with_a_trajectory_its_replay() -> None:
     assert data_of(unescape(page))["title"].startswith("Descent: finish after")
 
 
-@needs_chromium
 def test_the_frame_of_a_notebook_replays(chromium: Browser, tmp_path: Path) -> None:
     """In a page around it the frame has simulated and drawn its table, and nothing is refused."""
     file = tmp_path / "notebook.html"

@@ -15,7 +15,6 @@ import sledenv
 import sledenv.plot
 from docs import draw
 from sledenv.command.cli import main
-from tests.browser import needs_chromium
 
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
@@ -119,7 +118,6 @@ _SEEN = """return [
 
 
 @pytest.mark.slow
-@needs_chromium
 @pytest.mark.parametrize("width", [1280, 390])
 def test_pages_fit_a_desktop_and_a_phone(site, width, chromium):
     """Nothing is wider than the screen but what scrolls by itself, no picture is missing, every formula is drawn."""

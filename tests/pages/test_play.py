@@ -27,7 +27,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
-from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, needs_chromium, wait_until
+from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, wait_until
 from tests.own_scenarios import own_scenario
 from tests.pages.shown import assert_same, numbers, problem, put, run_lines, told_launch, visit, written
 
@@ -104,8 +104,6 @@ def page(chromium: Browser, file: Path) -> Iterator[Browser]:
     assert chromium.log() == []  # no error, and no request that the page's policy refused
 
 
-@needs_chromium
-@pytest.mark.jit_only
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize("name", ["sled_snow", *map(own_scenario, ("boulders", "brake_mat", "ice_drop", "measured"))])
 def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
@@ -118,8 +116,6 @@ def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Pa
     assert chromium.log() == []
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_what_is_typed_is_simulated_and_a_link_keeps_it(page: Browser, file: Path) -> None:
     """Oracle: ``simulate`` with a body, a law, a slope and a launch of these numbers."""
     put(page, "body", "1")
@@ -169,8 +165,6 @@ WRONG: Final = [
 ]
 
 
-@needs_chromium
-@pytest.mark.jit_only
 @pytest.mark.parametrize("wrong", WRONG)
 def test_all_that_is_wrong_with_an_address_is_told_and_the_rest_is_simulated(
     page: Browser, file: Path, wrong: dict[str, str]
@@ -181,8 +175,6 @@ def test_all_that_is_wrong_with_an_address_is_told_and_the_rest_is_simulated(
     assert_same(page, in_python(*drawn("sled_snow")))
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_the_film_holds_impacts_and_ends_with_the_descent(page: Browser) -> None:
     """Oracle: the pace of films; the rows that figures draw."""
     descent = in_python(*drawn("sled_snow"))
@@ -195,8 +187,6 @@ def test_the_film_holds_impacts_and_ends_with_the_descent(page: Browser) -> None
     assert float(page.text("#time").removesuffix(" s")) == pytest.approx(descent.time, abs=1e-4)
 
 
-@needs_chromium
-@pytest.mark.jit_only
 @pytest.mark.parametrize(
     ("what", "kind", "changed"),
     [
@@ -222,8 +212,6 @@ def test_the_launch_is_dragged_and_the_picture_keeps_its_size(
     assert float(run_lines(page)[1]) == numbers(page, "shown.jam")["reward"]
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_the_ledger_is_that_of_the_descent(page: Browser) -> None:
     """Oracle: the ledger of ``simulate``."""
     energy = in_python(*drawn("sled_snow")).energy
@@ -262,8 +250,6 @@ def assert_map(page: Browser, scenario: Scenario, context: Context) -> None:
     assert np.array(expected, float) == pytest.approx(smooth.ravel(), abs=1e-3)
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_a_map_has_the_rewards_of_python_and_launches_are_chosen_on_it(page: Browser) -> None:
     scenario, context = drawn("sled_snow")
     wait_for_map(page)
@@ -289,8 +275,6 @@ def test_a_map_has_the_rewards_of_python_and_launches_are_chosen_on_it(page: Bro
     assert np.cov(draws.T) == pytest.approx(np.eye(2), abs=0.12)
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: ``simulate`` of the context and of the marked launch; the axes are what the scenario chooses."""
     scenario, context = drawn("sled_snow")
@@ -320,7 +304,6 @@ def test_contexts_and_their_marks_can_be_chosen(chromium: Browser, tmp_path: Pat
 # What cannot be simulated.
 
 
-@needs_chromium
 def test_a_page_that_cannot_simulate_says_why(chromium: Browser, file: Path, tmp_path: Path) -> None:
     """The worker never answers in the last case, as if a descent had no end."""
     text, spoilt = file.read_text(encoding="utf-8"), tmp_path / "spoilt.html"
@@ -345,7 +328,6 @@ def test_a_page_that_cannot_simulate_says_why(chromium: Browser, file: Path, tmp
     chromium.log()
 
 
-@needs_chromium
 @pytest.mark.parametrize("width", [390, 1280])
 def test_nothing_is_too_wide_or_too_small(chromium: Browser, file: Path, width: int) -> None:
     chromium.screen(width, 900)

@@ -26,7 +26,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.words import mode_name
 from tests.bodies import HILL, ICE, SLED, rod, run
-from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, needs_chromium, wait_until
+from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, wait_until
 from tests.pages.shown import assert_same, columns_of, numbers, problem, put, visit, written
 from tests.plot.outlined import RIDDEN, descent_of
 
@@ -150,8 +150,6 @@ def shown_time(page: Browser) -> float:
     return float(page.text("#time").removesuffix(" s"))
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_the_page_opens_at_the_launch_and_what_is_changed_is_simulated(page: Browser, descent: Descent) -> None:
     """Oracle: ``simulate`` with the friction typed in, all else as given; reset gives the descent back."""
     assert page.text("#title") == "a <descent>"
@@ -168,8 +166,6 @@ def test_the_page_opens_at_the_launch_and_what_is_changed_is_simulated(page: Bro
     assert_same(page, descent)
 
 
-@needs_chromium
-@pytest.mark.jit_only
 @pytest.mark.parametrize("name", SHOWN)
 def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromium: Browser, tmp_path: Path) -> None:
     """Oracles: the descent, bit for bit; ``energy_layers``; nothing shown is NaN."""
@@ -192,7 +188,6 @@ def test_a_page_finds_every_number_of_the_descent_and_shows_it(name: str, chromi
     assert chromium.log() == []
 
 
-@needs_chromium
 def test_nothing_can_be_changed_where_nothing_can_be_repeated(chromium: Browser, tmp_path: Path) -> None:
     visit(chromium, written(tmp_path, replay_page(trimmed(), "trimmed")))
     hidden = "return [...document.querySelectorAll('.simulates')].map(one => one.getClientRects().length)"
@@ -203,7 +198,6 @@ def test_nothing_can_be_changed_where_nothing_can_be_repeated(chromium: Browser,
     assert numbers(chromium, "shown.jam") == trimmed().jam._asdict()
 
 
-@needs_chromium
 def test_a_page_follows_the_colours_of_the_reader(page: Browser) -> None:
     """Letters and what they stand on differ; the sky is darker than the letters in the dark."""
     for dark in (False, True):
@@ -216,7 +210,6 @@ def test_a_page_follows_the_colours_of_the_reader(page: Browser) -> None:
         assert all(paper < ink - 200 if dark else paper > ink + 200 for paper in papers)
 
 
-@needs_chromium
 def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent: Descent, tmp_path: Path) -> None:
     """Oracle: poses of the simulated descent itself, 0.1 m farther along the slope."""
     times = np.linspace(0.0, descent.time, 40)
@@ -232,7 +225,6 @@ def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent:
     assert chromium.log() == []
 
 
-@needs_chromium
 def test_the_slider_scrubs_through_the_film(page: Browser, descent: Descent) -> None:
     """Oracle: the film of the renderer; one step of the slider is a sixtieth of a second of it."""
     times = film_times(descent, 60.0)
@@ -251,7 +243,6 @@ def test_the_slider_scrubs_through_the_film(page: Browser, descent: Descent) -> 
     assert page.text("#contact").startswith(("the end: finish", "contact"))
 
 
-@needs_chromium
 def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -> None:
     """Oracle: force, grip and mode that the descent recorded."""
     page.click("#rebounds tbody tr:nth-child(2)")
@@ -270,7 +261,6 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
     assert page.run("return document.querySelector('tr.current').cells[0].textContent") == "2"
 
 
-@needs_chromium
 def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the places of the zones, which the scene projects; their words are in the picture."""
     visit(chromium, written(tmp_path, replay_page(dropped(slope=ZONED), "zones")))
@@ -284,7 +274,6 @@ def test_zones_are_drawn_below_the_surface(chromium: Browser, tmp_path: Path) ->
     assert {"friction 0.3", "friction 0.01"} < set(said)
 
 
-@needs_chromium
 def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: the trajectory at each touchdown; a body that lies on two parts may be told to touch with either."""
     descent = descent_of("ridden", "compliant")
@@ -302,7 +291,6 @@ def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> N
         assert chromium.text("#contact").startswith(f"contact {i + 1}, {RIDDEN.parts[push.feature - 1]}: ")
 
 
-@needs_chromium
 def test_a_click_on_a_plot_goes_there(page: Browser, descent: Descent) -> None:
     page.click("#series svg")  # its middle
     width, left, right = float(page.run("return plots[0].width")), 58.0, 10.0
@@ -311,7 +299,6 @@ def test_a_click_on_a_plot_goes_there(page: Browser, descent: Descent) -> None:
     )
 
 
-@needs_chromium
 def test_play_runs_to_the_end_and_pause_stops(page: Browser, descent: Descent) -> None:
     at_speed(page, 0.01)  # the film does not end while a busy machine is late to look
     page.click("#play")

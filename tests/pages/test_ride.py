@@ -14,7 +14,7 @@ from sledenv.pages.ride import Hill, Ridden, ride_page
 from sledenv.scenarios import load_track, track_names
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.simulation.outcomes import Descent
-from tests.browser import Browser, assert_needs_nothing, at_speed, needs_chromium, patient, wait_until
+from tests.browser import Browser, assert_needs_nothing, at_speed, patient, wait_until
 
 SEEDS: Final = (4, 5)
 LEFT, RIGHT = "\ue012", "\ue014"  # the arrow keys
@@ -81,8 +81,6 @@ def numbers_of(descent: Descent) -> list[float]:
     return [descent.time, descent.state.x, descent.jam.reward]
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser) -> None:
     """Oracle: ``Ride`` with the same trims and the errors of the context, bit for bit; so of the other rides."""
     scenario, context = drawn("sled_kickers", SEEDS[0])
@@ -110,8 +108,6 @@ def test_a_ride_with_the_keys_alone_ends_with_the_score_of_python(page: Browser)
     assert page.text("#words").endswith(f"Score {score}, your best here {score}.")
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_a_fall_is_told_and_the_best_score_stays(page: Browser) -> None:
     """Oracle: the parts that touch in the last row of ``Ride``, of those that end it."""
     scenario, context = drawn("sled_kickers", SEEDS[1])  # on which all three fall
@@ -139,8 +135,6 @@ def test_a_fall_is_told_and_the_best_score_stays(page: Browser) -> None:
     assert page.run("return riders.every(one => hasEnded(one))")
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_a_link_holds_the_slope_and_a_flight_can_be_taken_back(page: Browser) -> None:
     """Oracle: ``Ride`` with as many trims as there were take-offs, all alike."""
     scenario, context = drawn("sled_kickers", SEEDS[1])
@@ -170,8 +164,6 @@ def test_a_link_holds_the_slope_and_a_flight_can_be_taken_back(page: Browser) ->
     assert page.text("#go") == "Start"
 
 
-@needs_chromium
-@pytest.mark.jit_only
 @pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 740)])
 def test_picture_controls_and_scores_fit_a_screen_and_the_sled_is_large(page: Browser, width: int, height: int) -> None:
     page.screen(width, height)
@@ -183,8 +175,6 @@ def test_picture_controls_and_scores_fit_a_screen_and_the_sled_is_large(page: Br
     assert sled > picture / 8.0
 
 
-@needs_chromium
-@pytest.mark.jit_only
 def test_a_track_is_chosen_by_its_title(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: titles and descriptions of the tracks; ``Ride`` on the one that is chosen, bit for bit."""
     scenario, context = drawn("sled_rollers", SEEDS[0])

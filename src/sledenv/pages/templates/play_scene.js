@@ -224,6 +224,7 @@ function drag(event) {
   if (what === "drop") set("drop", drop + y - from[1], 0.001);
   else if (what === "orientation") set("orientation", (Math.atan2(launch.x - x, y - launch.y) * 180) / Math.PI, 0.1);
   else if (what === "vertex") {
+    if (Math.hypot(x - from[0], y - from[1]) * scene.scale > 3) pressed.vertex = null; // dragged, not pressed twice
     moveVertex(vertex, [corner[0] + x - from[0], corner[1] + y - from[1], corner[2]]);
     drawLand();
   } else {
