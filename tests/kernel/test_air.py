@@ -32,7 +32,7 @@ EXACT = pytest.approx
 
 def after(time: float, launch: State, body: Body = BALL, slope: Slope = LEVEL, **options: Any) -> Descent:
     """A descent up to a time, without a rebound before."""
-    return simulate(body, LAW, slope, launch, Settings(max_time=time, **options))
+    return simulate(body, LAW, slope, launch, max_time=time, **options)
 
 
 @pytest.mark.parametrize("time", [1e-4, 0.3, 5.0, 60.0])
@@ -106,6 +106,16 @@ def test_what_the_air_takes_is_told_along_the_way_and_in_the_ledger():
     assert energy.drag == EXACT(float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(t))), rel=1e-3)
     assert energy.drag > 100.0
     assert abs(energy.residual) < 1e-11 * energy.turnover
+
+
+def test_each_row_tells_what_the_air_has_taken_so_far():
+    """Oracle: the energy that is missing at each row of a long flight."""
+    slope, launch = Slope(0.3, air_density=DENSITY), State(0.0, 300.0, 0.0, 25.0, 9.0)
+    rows = after(3.0, launch, slope=slope, sample_interval=0.1, record="trajectory").trajectory
+    high = G * (math.cos(0.3) * rows["y"] - math.sin(0.3) * rows["x"])
+    energy = BALL.mass * (0.5 * (rows["u"] ** 2 + rows["v"] ** 2) + high)
+    assert rows["drag"] == EXACT(energy[0] - energy, rel=1e-9, abs=1e-9)
+    assert rows["drag"][-1] > 10.0
 
 
 BODIES = {

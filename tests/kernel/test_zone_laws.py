@@ -50,6 +50,15 @@ def test_a_ball_bounces_as_its_zone_does(own: dict[str, float], x: float, within
     assert row["x_contact"] == x
 
 
+@pytest.mark.parametrize("restitution", [0.2, 0.8])
+def test_a_rigid_block_that_lands_flat_bounces_as_its_zone_does(restitution: float) -> None:
+    """Oracle: both ends touch at once, so the speed is multiplied by the restitution of the zone."""
+    block = sledenv.polygon(2.0, [(0.2, -0.1), (-0.2, -0.1), (-0.2, 0.1), (0.2, 0.1)])
+    slope = sledenv.Slope(0.0, zones=[zone(-1.0, 1.0, restitution=restitution)])
+    (row,) = sledenv.simulate(block, LAW, slope, sledenv.State(0.0, 0.3, 0.0), solver="rigid", max_rebounds=1).rebounds
+    assert row["v_after"] == pytest.approx(-restitution * row["v_before"], rel=1e-9)
+
+
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_contact_keeps_the_springs_of_where_it_began(sign: float) -> None:
     """Oracle: without friction a ball that runs out of its zone while it is pressed bounces as one that stays in it."""
