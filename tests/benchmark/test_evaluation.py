@@ -261,5 +261,5 @@ def test_a_mistake_of_a_policy_is_told_as_its_own(policy, message):
 
 
 def test_the_examples_run():
-    """Oracle: what they print, the scores without trims and by the rule that docs/benchmark.md tells."""
+    """Oracle: what they print, the scores without trims and by a rule."""
     assert doctest.testmod(evaluation).failed == 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -11,7 +10,7 @@ import pytest
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
-from sledenv.envs.columns import AROUND, FORESEEN, GROUPS, STATE, Columns, table
+from sledenv.envs.columns import AROUND, FORESEEN, GROUPS, STATE, Columns
 from sledenv.envs.descent import SledDescent
 from sledenv.envs.launch import SledLaunch
 from sledenv.envs.task import Task
@@ -187,10 +186,6 @@ def test_entries_of_the_state_vary_in_each_scenario(seen, scenario):
 def test_the_kernel_tells_what_the_columns_say():
     assert tuple(one.name for one in AROUND) == VERTEX
     assert tuple(one.name for one in FORESEEN) == LANDING
-
-
-def test_the_docs_have_the_table():
-    assert table() in (Path(__file__).parents[2] / "docs" / "environments.md").read_text(encoding="utf-8")
 
 
 def test_values_are_read_back_in_their_units(seen):
