@@ -161,7 +161,7 @@ def assert_needs_nothing(page: str) -> None:
 
 
 def data_of(page: str) -> dict[str, Any]:
-    """What a page holds, which must be JSON: no number that JSON does not have."""
+    """Data that a page holds, which must be JSON: no number that JSON does not have."""
     found = re.search(r'<script type="application/json" id="data">(.*?)</script>', page, re.DOTALL)
     assert found is not None
 

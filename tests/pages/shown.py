@@ -1,4 +1,4 @@
-"""What a page that simulates shows, and how a visitor sets it."""
+"""A page that simulates, as a visitor sees and sets it."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def assert_same(page: Browser, descent: Descent) -> None:
 
 
 def run_lines(page: Browser) -> list[str]:
-    """What the lines of Python print."""
+    """Text that the lines of Python print."""
     out = io.StringIO()
     with contextlib.redirect_stdout(out):
         exec(page.run("return $('python').textContent"), {})

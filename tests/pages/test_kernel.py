@@ -32,7 +32,7 @@ REMAKE = "the kernel has other sources than kernel.wasm: make wasm, and commit w
 
 
 def in_node(runner: str, *files: Path) -> str:
-    """What a script of this folder prints that Node runs with the kernel for pages."""
+    """Output of a script of this folder that Node runs with the kernel for pages."""
     node = shutil.which("node")
     if node is None:
         pytest.skip("needs node, which runs WebAssembly (Debian: nodejs)")

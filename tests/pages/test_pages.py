@@ -23,7 +23,7 @@ NAMES = [str(page.relative_to(ROOT)) for page in PAGES]
 
 
 def anchors(page: Path) -> set[str]:
-    """What can follow the # of a link to a page: its headings as GitHub writes them."""
+    """Anchors of a page, behind the # of a link: its headings as GitHub writes them."""
     text = re.sub(r"^```.*?^```", "", page.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
     headings = (re.sub(r"\[(.*?)\]\(.*?\)", r"\1", line) for line in re.findall(r"^#+ (.*)$", text, re.MULTILINE))
     return {re.sub(r"[^\w\- ]", "", heading.strip().lower()).replace(" ", "-") for heading in headings}
@@ -102,7 +102,7 @@ def site(tmp_path_factory):
 
 @pytest.mark.slow
 def test_the_site_has_every_page_and_needs_no_network(site):
-    """What the folder is opened with leads to the first page."""
+    """The file that the folder is opened with leads to the first page."""
     pages = [site / page.relative_to(ROOT).with_suffix(".html") for page in PAGES if page != ROOT / "README.md"]
     for page in pages:
         loaded = re.findall(r'<(?:script|link|img)[^>]*(?:src|href)="(https?:[^"]*)', page.read_text(encoding="utf-8"))

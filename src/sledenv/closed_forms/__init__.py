@@ -4,9 +4,17 @@ from typing import TYPE_CHECKING
 
 from sledenv.machine.lazy import lazy_names
 
-from typing import TYPE_CHECKING
+if TYPE_CHECKING:
+    from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
 
-from sledenv.machine.lazy import lazy_names
+__all__ = ["WheelImpact", "collide_wheel"]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
+    },
+)
 
 if TYPE_CHECKING:
     from sledenv.closed_forms.wheel import WheelImpact, collide_wheel

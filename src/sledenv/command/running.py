@@ -81,7 +81,10 @@ def run(command: App, arguments: Sequence[str] | None = None) -> int:
         return _BROKEN_PIPE
     except CycloptsError as error:
         return _told(f"{name}: error: {_words(error)}", WRONG)
-    except (ValueError, OSError, ImportError) as error:  # a wrong scenario, suite or run
+    except OSError as error:  # the system names a file and says why, without a number that nobody knows
+        why = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else error
+        return _told(f"{name}: error: {why}", WRONG)
+    except (ValueError, ImportError) as error:  # a wrong scenario, suite or run
         return _told(f"{name}: error: {error}", WRONG)
     except (MemoryError, GivenCodeError) as error:
         return _told(f"{name}: error: {error}", FAILED)

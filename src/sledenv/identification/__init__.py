@@ -5,16 +5,25 @@ from typing import TYPE_CHECKING
 from sledenv.machine.extras import needs
 from sledenv.machine.lazy import lazy_names
 
-from typing import TYPE_CHECKING
-
-
-from sledenv.machine.lazy import lazy_names
-
 with needs("analysis", __name__):
     import joblib  # noqa: F401
     import pandas  # noqa: F401
     import pyarrow  # noqa: F401
     import scipy  # noqa: F401
+
+if TYPE_CHECKING:
+    from sledenv.identification.choice import identify
+    from sledenv.identification.tables import recorded_poses, recorded_rebounds
+
+__all__ = ["identify", "recorded_poses", "recorded_rebounds"]
+
+__getattr__, __dir__ = lazy_names(
+    __name__,
+    {
+        "sledenv.identification.choice": ("identify",),
+        "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
+    },
+)
 
 if TYPE_CHECKING:
     from sledenv.identification.choice import identify

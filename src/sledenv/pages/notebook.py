@@ -1,4 +1,4 @@
-"""What a notebook shows of a descent: the page that replays it, or its story in words."""
+"""Descents in notebooks: the page that replays it, or its story in words."""
 
 from __future__ import annotations
 

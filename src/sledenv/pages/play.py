@@ -14,7 +14,6 @@ from sledenv.pages.as_json import plain_slope
 from sledenv.pages.html import filled
 from sledenv.pages.kernel import descent_input, jsonable, packed_kernel
 from sledenv.pages.scenes import drawn_body
-from sledenv.plot.shapes import HARD, HOLD
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
 from sledenv.scenarios.sections import BOTH, control_words
 from sledenv.simulation.bends import MOST_VERTICES, STEEPEST
@@ -31,6 +30,10 @@ from sledenv.simulation.words import REBOUND_HEADER, metric_name, mode_name
 
 MOST_SEEDS: Final = 24  # contexts of a page
 _DEGREE: Final = math.pi / 180.0
+_HOLD: Final = 0.6  # [s] that an impact stays on the screen at least
+_HARD: Final = (
+    0.5  # [m/s] that it adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
+)
 # Besides those of the scenario, fit for sharp vertices: what each is called, how Python makes it, and what it makes.
 _READY: Final[tuple[tuple[str, str, Callable[[], Body]], ...]] = (
     ("sled with rider", "sledenv.sled()", sled),
@@ -45,7 +48,7 @@ _READY: Final[tuple[tuple[str, str, Callable[[], Body]], ...]] = (
 
 
 class _Parameter(NamedTuple):
-    """What a slider sets."""
+    """A parameter that a slider sets."""
 
     name: str  # in the address of the page
     group: str  # of the sliders
@@ -191,8 +194,8 @@ def simulating_page(
         "flight_losses": FLIGHT_LOSSES,
         "metrics": {name: metric_name(name) for name in SHOWN},
         "header": [name for name in REBOUND_HEADER if name not in ("grip", "loss")],
-        "hold": HOLD,
-        "hard": HARD,
+        "hold": _HOLD,
+        "hard": _HARD,
         "kernel": packed_kernel(),
         **{"ghost": None, "recorded": None, "notes": [], "maps": False},
         **{"own": 0, "axes": BOTH, "free": BOTH, "bounds": {}},
@@ -320,7 +323,7 @@ def _own_bodies(scenario: Scenario) -> list[NamedBody]:
 
 
 def _body(law: ContactLaw, slope: Slope, settings: Settings, named: NamedBody) -> dict[str, Any]:
-    """What the page must know of a body, all digits of its numbers, and how its descents end."""
+    """Return a body as the page must know it, with all digits of its numbers, and how its descents end."""
     name, python, body = named
     ending = [name for name in settings.end_parts if name in body.parts]
     settings = replace(settings, end_touching=ending or None)

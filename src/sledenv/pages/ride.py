@@ -78,7 +78,7 @@ def ride_page(scenario: Scenario, hills: Sequence[Hill], title: str | None = Non
 
 
 def _told(scenario: Scenario, rider: RiderSection, hill: Hill) -> dict[str, Any]:
-    """What the page must know of a context, all digits of its numbers."""
+    """Return a context as the page must know it, with all digits of its numbers."""
     name, context, rides, own = hill
     given = scenario.given(context)
     scene = descent_input(*given, scenario.settings())

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from itertools import pairwise
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,37 +12,9 @@ from sledenv.simulation.bodies import Body, Segment
 from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, touches_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import mass_properties
-from sledenv.simulation.records import CONTACT_FORCES, Status
-from sledenv.simulation.scene import tangents
 
 _SAME = 1e-9  # of the size of the body: points of an outline that are closer are one
 DISTINCT = 0.3  # of the size of the body: two poses that differ less are drawn as one, unless more is asked for
-HOLD = 0.6  # [s] that an impact stays on the screen at least
-HARD = 0.5  # [m/s] that an impact adds to the velocity off the slope; the hold of gentler ones is shorter in proportion
-
-
-class Push(NamedTuple):
-    """Forces of the slope on the body at one time."""
-
-    number: int  # of the rebound, from 0: its row
-    touches: np.ndarray  # of CONTACT_FORCES, one or more; impulses [N s] instead of forces if instantaneous
-    feature: (
-        int  # code of the part that touches, or of the side that lies on the slope: its place in body.parts, from 1
-    )
-    slip: int  # sign of the slip velocity, 0 for an impact, which may run through several
-    spin: int  # sign of the angular velocity, likewise
-    largest: float  # [N] or [N s] largest normal force of the rebound
-    instantaneous: bool  # whether the rebound has no duration: an impact of rigid surfaces
-
-    @property
-    def normal(self) -> float:
-        """Normal forces [N] of all contacts, or impulses [N s]."""
-        return float(self.touches["normal"].sum())
-
-    @property
-    def tangential(self) -> float:
-        """Tangential forces [N] of all contacts, or impulses [N s]."""
-        return float(self.touches["tangential"].sum())
 
 
 def body_outline(body: Body, x: float, y: float, phi: float, points: int = 64) -> np.ndarray:
@@ -243,91 +214,3 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
         jumps = np.hypot(*np.diff(path[: len(within)], axis=0).T) > _SAME * descent.body.size
         paths.append(np.insert(path, np.flatnonzero(jumps & (np.diff(within["t"]) == 0.0)) + 1, np.nan, axis=0))
     return paths
-
-
-def push_at(descent: Descent, time: float) -> Push | None:
-    """Return the forces of the slope on the body at ``time`` [s], None in flight.
-
-    Parameters
-    ----------
-    descent : Descent
-        With its trajectory.
-    time : float
-        An impact without duration is met at its very time alone, where :func:`pace` holds it.
-    """
-    log = descent.rebounds
-    i = int(np.searchsorted(log["t_touchdown"], time, side="right")) - 1
-    if i < 0 or time > log["t"][i]:
-        return None
-    rebound = log[i]
-    if rebound["duration"] == 0.0:
-        touch = np.zeros(1, CONTACT_FORCES)
-        touch["x"], touch["y"] = rebound["x_contact"], descent.slope.height_at(rebound["x_contact"])
-        piece, vertex = divmod(int(rebound["ground"]), 2)  # at a vertex, between the normals of both pieces
-        along, up = tangents(descent.slope.vertices)[piece : piece + 1 + vertex].sum(axis=0).tolist()
-        touch["normal_x"], touch["normal_y"] = -up / math.hypot(along, up), along / math.hypot(along, up)
-        touch["part"], touch["ground"] = rebound["feature"], rebound["ground"]
-        touch["normal"], touch["tangential"] = rebound["normal_impulse"], rebound["tangential_impulse"]
-        return Push(i, touch, int(rebound["feature"]), 0, 0, float(rebound["normal_impulse"]), True)
-    rows = rows_of(rebound, drawable_rows(descent))
-    if len(rows) == 0:
-        return None
-    row = rows[max(int(np.searchsorted(rows["t"], time, side="right")) - 1, 0)]
-    signs = int(row["slip"]), int(row["spin"])
-    return Push(i, touches_at(rows, time), int(row["feature"]), *signs, float(rows["normal"].max()), False)
-
-
-def pace(descent: Descent, speed: float = 1.0) -> np.ndarray:
-    """Return how fast a descent is shown: at its own rate, but impacts are held until one has seen them.
-
-    Parameters
-    ----------
-    descent : Descent
-        With its trajectory.
-    speed : float
-        Seconds of the descent per second of film, > 0; the hold of an impact is the same at any speed.
-
-    Returns
-    -------
-    ndarray, shape (2 n + 2, 2)
-        Columns time in the film and time in the descent [s], neither of which ever decreases; linear in between. A hop
-        lasts as long in the film of a part of a descent as in that of the whole.
-    """
-    end = float(drawable_rows(descent)["t"][-1])
-    log = descent.rebounds
-    impulse = np.nan_to_num(log["normal_impulse"], nan=0.0, posinf=0.0)
-    holds = HOLD * np.clip(impulse / (HARD * descent.body.mass), 0.0, 1.0)
-    contacts = np.stack([log["t_touchdown"], log["t"]], axis=-1).ravel()
-    times = np.maximum.accumulate(np.concatenate([[0.0], np.clip(np.nan_to_num(contacts), 0.0, end), [end]]))
-    steps = np.diff(times) / speed
-    steps[1::2] = np.maximum(steps[1::2], holds)
-    return np.stack([np.append(0.0, np.cumsum(steps)), times], axis=-1)
-
-
-def film_times(descent: Descent, fps: float, *, after: float = -1.0, speed: float = 1.0) -> np.ndarray:
-    """Return the times [s] of the pictures of a film of a descent.
-
-    Parameters
-    ----------
-    descent : Descent
-        With its trajectory.
-    fps : float
-        Pictures per second, > 0.
-    after : float
-        Leave out what had been shown when the descent was at this time [s]: the films of successive hops are the film
-        of the whole.
-    speed : float
-        As for :func:`pace`.
-
-    Returns
-    -------
-    ndarray, shape (n,)
-        Never decreasing; the last is the end of a descent that has ended.
-    """
-    film, times = pace(descent, speed).T
-    seen = float(np.interp(after, times, film)) if after >= 0.0 else -1.0
-    shown = np.arange(math.floor(seen * fps) + 1 if after >= 0.0 else 0, math.floor(film[-1] * fps) + 1) / fps
-    found: np.ndarray = np.interp(shown, film, times)
-    if descent.status != Status.RUNNING and seen < film[-1] and shown[-1:] != film[-1:]:
-        found = np.append(found, times[-1])
-    return found
