@@ -1,7 +1,7 @@
 """Bodies: their makers, and the outlines that they are made of.
 
-:func:`segment`, :func:`circular_segment`, :func:`disc`, :func:`rod`, :func:`polygon`, :func:`hull` and :func:`sled` make
-a :class:`Body`, which is a mass, a moment of inertia and an outline of :class:`Arc`.
+:func:`segment`, :func:`circular_segment`, :func:`disc`, :func:`rod`, :func:`polygon`, :func:`hull` and :func:`sled`
+make a :class:`Body`, which is a mass, a moment of inertia and an outline of :class:`Arc`.
 """
 
 from sledenv.simulation.bodies import Body, Segment, segment

@@ -23,27 +23,3 @@ __getattr__, __dir__ = lazy_names(
         "sledenv.benchmark.evaluation": ("Evaluation", "evaluate"),
     },
 )
-
-if TYPE_CHECKING:
-    from sledenv.benchmark.evaluation import Evaluation, evaluate
-
-__all__ = ["Evaluation", "evaluate"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.benchmark.evaluation": ("Evaluation", "evaluate"),
-    },
-)
-
-if TYPE_CHECKING:
-    from sledenv.benchmark.evaluation import Evaluation, evaluate
-
-__all__ = ["Evaluation", "evaluate"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.benchmark.evaluation": ("Evaluation", "evaluate"),
-    },
-)

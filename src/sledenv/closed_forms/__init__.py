@@ -15,27 +15,3 @@ __getattr__, __dir__ = lazy_names(
         "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
     },
 )
-
-if TYPE_CHECKING:
-    from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
-
-__all__ = ["WheelImpact", "collide_wheel"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
-    },
-)
-
-if TYPE_CHECKING:
-    from sledenv.closed_forms.wheel import WheelImpact, collide_wheel
-
-__all__ = ["WheelImpact", "collide_wheel"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.closed_forms.wheel": ("WheelImpact", "collide_wheel"),
-    },
-)

@@ -24,31 +24,3 @@ __getattr__, __dir__ = lazy_names(
         "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
     },
 )
-
-if TYPE_CHECKING:
-    from sledenv.identification.choice import identify
-    from sledenv.identification.tables import recorded_poses, recorded_rebounds
-
-__all__ = ["identify", "recorded_poses", "recorded_rebounds"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.identification.choice": ("identify",),
-        "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
-    },
-)
-
-if TYPE_CHECKING:
-    from sledenv.identification.choice import identify
-    from sledenv.identification.tables import recorded_poses, recorded_rebounds
-
-__all__ = ["identify", "recorded_poses", "recorded_rebounds"]
-
-__getattr__, __dir__ = lazy_names(
-    __name__,
-    {
-        "sledenv.identification.choice": ("identify",),
-        "sledenv.identification.tables": ("recorded_poses", "recorded_rebounds"),
-    },
-)

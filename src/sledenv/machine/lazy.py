@@ -33,11 +33,11 @@ def lazy_names(
     below = frozenset(submodules)
 
     def get(name: str) -> Any:
-        if name in below:
-            return importlib.import_module(f"{package}.{name}")
-        if name not in home:
+        if name not in home and name not in below:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         try:
+            if name in below:
+                return importlib.import_module(f"{package}.{name}")
             found = getattr(importlib.import_module(home[name]), name)
         except MissingPackage as error:
             return Missing(f"{package}.{name}", error)
