@@ -46,7 +46,7 @@ from sledenv.simulation.settings import DEFAULT, Settings
 
 KERNEL: Final = Path(__file__).with_name("kernel.wasm")
 _SECTION: Final = "sledenv"
-_ENTRIES: Final = ("descend_lanes", "embark", "judge", "complete", "build_pieces", "lowest", "resting")
+_ENTRIES: Final = ("descend_lanes", "embark", "judge", "complete", "build_pieces", "resting")
 _RECORDS: Final = {
     "BODY": BODY,
     "CONTACT_FORCES": CONTACT_FORCES,
