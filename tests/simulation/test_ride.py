@@ -11,7 +11,20 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from sledenv import Body, ContactLaw, Ride, Settings, Slope, State, Status, load_scenario, polygon, segment, simulate, sled
+from sledenv import (
+    Body,
+    ContactLaw,
+    Ride,
+    Settings,
+    Slope,
+    State,
+    Status,
+    load_scenario,
+    polygon,
+    segment,
+    simulate,
+    sled,
+)
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation import RideBatch
 from sledenv.simulation.support import support_height
