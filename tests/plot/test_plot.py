@@ -206,9 +206,6 @@ def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, sol
     assert len(descent.rebounds) > 3
     begins = [path[0, 0] for path in shapes.contact_paths(descent)]
     assert begins == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
-    push = shapes.push_at(descent, float(descent.rebounds["t_touchdown"][0]))
-    assert push is not None
-    assert push.touches["x"][0] == pytest.approx(descent.rebounds["x_contact"][0], abs=1e-6)
 
 
 def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:

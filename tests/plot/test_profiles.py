@@ -13,12 +13,11 @@ from sledenv import plot
 from sledenv.plot.energy import energy_layers
 from sledenv.plot.grounds import below, in_sight, surface
 from sledenv.plot.riders import pose_times
-from sledenv.plot.shapes import contact_paths, push_at, to_world
+from sledenv.plot.shapes import contact_paths, to_world
 from sledenv.plot.trajectories import rows_between
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import tangents
-from sledenv.simulation.simulate import simulate
 from tests.plot.outlined import PROFILES, hillside, ride_of
 
 
@@ -102,39 +101,6 @@ def test_contacts_lie_on_the_drawn_ground(ride: Descent) -> None:
     assert len(marks) == len(ride.rebounds)
     assert (np.abs(over_ground(ride, marks)) < deepest(ride)).all()
     assert marks[:, 0].max() > 10.0
-
-
-def test_pushes_stand_on_what_is_touched(ride: Descent) -> None:
-    """Oracle: the normals of the pieces; on a crest the normal lies between those of both pieces."""
-    along, up = tangents(ride.slope.vertices).T
-    kinds = set()
-    for rebound in ride.rebounds:
-        for time in np.linspace(rebound["t_touchdown"], rebound["t"], 7).tolist():
-            push = push_at(ride, time)
-            assert push is not None
-            for touch in push.touches:
-                piece, vertex = divmod(int(touch["ground"]), 2)
-                lean = math.atan2(-touch["normal_x"], touch["normal_y"])
-                rise = np.arctan2(up, along)[piece : piece + 1 + vertex]
-                assert rise.min() - 1e-9 <= lean <= rise.max() + 1e-9
-                assert abs(touch["y"] - ride.slope.height_at(touch["x"])) < deepest(ride)
-                kinds.add(vertex)
-    assert kinds == {0, 1}
-
-
-def test_a_touch_without_duration_is_where_the_profile_is_touched() -> None:
-    """Oracle: the place and the piece that the descent recorded when its time was over."""
-    ride = ride_of("rock")
-    touchdown = ride.rebounds[0]
-    cut = simulate(*PROFILES["rock"], record="trajectory", max_time=float(touchdown["t_touchdown"]))
-    assert cut.rebounds["duration"].tolist() == [0.0]
-    push = push_at(cut, cut.time)
-    assert push is not None
-    (touch,), (path,) = push.touches, contact_paths(cut)
-    along, up = tangents(ride.slope.vertices)[touchdown["ground"] // 2]
-    assert [touch["normal_x"], touch["normal_y"]] == pytest.approx([-up, along])
-    assert [touch["x"], touch["y"]] == pytest.approx(path[0], abs=1e-6)
-    assert touch["y"] == pytest.approx(ride.slope.height_at(touch["x"])) != 0.0
 
 
 def test_zones_lie_along_the_pieces() -> None:
