@@ -469,21 +469,8 @@ def compliant_descent(
 ) -> list[OracleRebound]:
     """The first rebounds of a compliant descent that starts in free flight.
 
-    Parameters
-    ----------
-    body, state : OracleBody, OracleState
-        Numbers as mpf, as decimal strings (exact) or as floats (their exact binary value).
-    rebounds : int
-        How many to return.
-    dps, order, step_fraction : int, int, str
-        Decimal digits, order of the Taylor series, and the step as a fraction of what the series allows.
-    horizon : str
-        Give up at this time [s]: the body rests, rolls or slides on for good.
-
-    Returns
-    -------
-    list[OracleRebound]
-        Fewer than asked for if the body is still in contact at the horizon.
+    Numbers are mpf, decimal strings (exact) or floats (their exact binary value). The step is a fraction of what the
+    series of some order allows. There are fewer rebounds if the body is still in contact at the horizon [s].
     """
     with mp.workdps(dps):
         body = OracleBody(*(+mpf(value) for value in body))
@@ -614,29 +601,11 @@ def rational_impact(
     dps: int = 30,
     number: Callable = float,
 ) -> ImpactResult:
-    """One impact of rigid surfaces, exact up to one square root.
+    """One impact of rigid surfaces, exact up to one square root, which has ``dps`` digits.
 
-    Parameters
-    ----------
-    mass, inertia : float
-        [kg], [kg m^2] about the mass centre.
-    a, b : float
-        The contact point lies at (-a, -b) from the mass centre [m].
-    friction, arm, restitution : float
-        f [-], d [m], e [-].
-    slip, omega, approach : float
-        v_t [m/s], omega [rad/s] and v_n [m/s] at touch; v_n <= 0.
-    hypothesis : str
-        "energetic": the contact gives back e^2 times the work it took. "poisson": it ends at (1 + e) times the impulse
-        of the (first) compression. "newton": it ends when v_n is -e times that at touch.
-    dps : int
-        Decimal digits of the square root.
-    number : callable
-        Makes the numbers of the result, of fractions or of mpf.
-
-    Returns
-    -------
-    ImpactResult
+    The contact point lies at (-a, -b) from the mass centre and comes with v_t, omega and v_n <= 0. An "energetic"
+    contact gives back e^2 times the work it took, a "poisson" one ends at (1 + e) times the impulse of the (first)
+    compression, a "newton" one when v_n is -e times that at touch. ``number`` makes the numbers of the result.
     """
     m, inertia_, a, b, f, d, e = map(Fraction, (mass, inertia, a, b, friction, arm, restitution))
     mobility = [1 / m + b * b / inertia_, b / inertia_, 1 / inertia_]

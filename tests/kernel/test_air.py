@@ -44,7 +44,7 @@ def test_a_fall_from_rest_follows_the_hyperbolic_tangent(time):
     assert 3000.0 - end.y == EXACT(fallen, rel=1e-12, abs=1e-12)
 
 
-def test_a_throw_upward_follows_the_tangent_and_turns_where_the_speed_is_zero():
+def test_a_launch_upward_follows_the_tangent_and_turns_where_the_speed_is_zero():
     """Oracle: v = V tan(arctan(v0 / V) - g t / V) up to the top, whose time and height are known."""
     up = 60.0
     top = TERMINAL / G * math.atan(up / TERMINAL)

@@ -107,7 +107,7 @@ def test_what_is_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
 
 @cache
 def ride() -> sledenv.simulation.Descent:
-    """Return a crate that slides, tumbles and flies over a bump and comes to rest in a dip."""
+    """Return a crate that slides, turns over and flies over a bump and comes to rest in a dip."""
     corners = [(-0.3, -0.2), (0.3, -0.2), (0.3, 0.2), (-0.3, 0.2)]
     law = sledenv.ContactLaw.from_restitution(
         0.5, stiffness=1e6, friction=0.3, rolling_arm=0.002, corner_rolling_arm=0.002
@@ -206,7 +206,7 @@ def kinds(descent: sledenv.simulation.Descent, **changes: Any) -> set[str]:
 
 
 def test_a_good_descent_has_no_fault() -> None:
-    """Oracle: a crate that slides, tumbles, flies, and rests with three contacts."""
+    """Oracle: a crate that slides, turns over, flies, and rests with three contacts."""
     found = audit(ride())
     assert found.faults == []
     assert found.counts["rows"] == len(ride().trajectory) > 1000

@@ -141,7 +141,7 @@ def test_a_body_with_more_friction_tips_over_the_corner_ahead(body: Segment, spe
 
 @SOLVERS
 @pytest.mark.parametrize("factor", [1.05, 3.0])
-def test_a_body_in_the_painleve_region_is_thrown_over_at_once(factor: float, solver: Solver) -> None:
+def test_a_body_in_the_painleve_region_falls_over_at_once(factor: float, solver: Solver) -> None:
     """Oracle: there are no forces with which it slides flat, nor any with which it slides on the corner ahead."""
     height, half = corners(BOAT)
     law = law_of(factor * (BOAT.inertia / BOAT.mass + half**2) / (half * height), stiffness=1e10)

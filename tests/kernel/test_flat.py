@@ -16,7 +16,7 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 from tests.plane_cases import rock, segment, stone
 
-COUNT = 60
+COUNT = 20
 PLASTIC = math.nextafter(1.0, 0.0)  # asymmetry of next to no restitution
 LEVEL = Slope(0.0)
 

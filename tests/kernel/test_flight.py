@@ -90,7 +90,7 @@ def test_a_body_that_leaves_the_surface_comes_down_at_the_first_root(
 
 @pytest.mark.parametrize(("body", "omega"), [(DISC, 5000.0), (ROD, 500.0), (SEGMENT, 50.0)])
 def test_fast_spin_hides_no_root(body: Segment, omega: float) -> None:
-    """Oracle: the scan, 200 points a turn, of a slow fall: the body touches while its longest side passes below."""
+    """Oracle: the scan, 200 points per turn, of a slow fall: the body touches while its longest side passes below."""
     check_flight(body, 0.0, 1.2, 0.3, -0.5, omega, horizon=3.0, samples=int(100 * omega))
 
 

@@ -11,7 +11,13 @@ import sledenv
 from tests.bodies import same_bits
 
 G = 9.81
-RUN = [(0.0, 0.0), (2.0, 0.0), (2.2, 0.0002), (6.0, -1.0), (7.0, -1.0)]  # a dip of a millimetre a metre before a crest
+RUN = [
+    (0.0, 0.0),
+    (2.0, 0.0),
+    (2.2, 0.0002),
+    (6.0, -1.0),
+    (7.0, -1.0),
+]  # a dip of a millimetre per metre before a crest
 WEDGE = sledenv.polygon(0.6, [(-0.4, -0.1), (0.4, -0.1), (0.1, 0.2)], 0.003)
 CRATE = sledenv.polygon(1.0, [(-0.5, -0.5), (0.5, -0.5), (0.5, 0.5), (-0.5, 0.5)], 0.02)
 

@@ -10,6 +10,7 @@ import pytest
 import sledenv
 from tests.profile_springs import depths, scene
 from tests.profiles import BODIES, LEVEL, Case, gravity_of, random_case
+from tests.rough_grounds import rough_case
 
 ENDINGS = {"finish", "jammed", "timeout"}
 TIME = 6.0  # [s]
@@ -130,3 +131,17 @@ def test_the_ledger_closes_over_a_profile_with_trims(number: int) -> None:
         again.trim(later.trim_spin)
     again.hop()
     assert again.descent().outcome == descent.outcome
+
+
+@pytest.mark.filterwarnings("ignore:.*too finely:UserWarning")
+@pytest.mark.parametrize("number", [1261, 1783, 1889, 1909])
+def test_the_ledger_closes_where_a_crest_slips_out_of_a_corner(number: int) -> None:
+    """Oracle: conservation. The ground is so soft that the weight presses a body in by a fiftieth of its size.
+
+    The contact has to let go, and what is stored in its spring is lost.
+    """
+    _, body, law, slope, launch = rough_case(78, number)
+    softest = body.mass * slope.gravity / (0.02 * body.size)
+    soft = law._replace(stiffness=min(law.stiffness, softest))
+    energy = sledenv.simulate(body, soft, slope, launch, max_time=3.0, max_rebounds=200).energy
+    assert abs(energy.residual) <= 1e-9 * energy.turnover

@@ -175,7 +175,7 @@ def test_all_that_is_wrong_with_an_address_is_told_and_the_rest_is_simulated(
 
 
 def test_the_film_holds_impacts_and_ends_with_the_descent(page: Browser) -> None:
-    """Oracle: 0.6 s for an impact that changes the velocity by 0.5 m/s, in proportion less; the rows that figures draw."""
+    """Oracle: 0.6 s for an impact that adds 0.5 m/s, in proportion less; the rows that figures draw."""
     descent = in_python(*drawn("sled_snow"))
     film, time = page.run("return [shown.film.film, shown.film.time]")
     log, end = descent.rebounds, descent.time

@@ -18,7 +18,7 @@ from sledenv.benchmark.problem import Agent, Environment, HeldOut, Planner, Poli
 from sledenv.benchmark.references import reference
 from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean_interval, ratio_interval, share_interval, told
-from sledenv.machine.blame import blaming
+from sledenv.machine.blame import attribute_errors_to
 from sledenv.scenarios.scenario import Scenario, load_scenario
 
 # Attributes of an evaluation that a reference fills, and its columns.
@@ -399,7 +399,7 @@ def _predicting(policy: Any, name: str) -> Callable[[NDArray[np.float32]], Any]:
         options = {}
 
     def act(observations: NDArray[np.float32]) -> Any:
-        with blaming(f"agent {name}", "predict"):
+        with attribute_errors_to(f"agent {name}", "predict"):
             answer = policy.predict(observations, **options)
         if not isinstance(answer, tuple):
             return answer

@@ -18,7 +18,7 @@ from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.columns import GROUPS
 from sledenv.envs.inputs import FIELDS, Contexts, checked_actions
 from sledenv.envs.task import Task
-from sledenv.machine.blame import blaming
+from sledenv.machine.blame import attribute_errors_to
 from sledenv.scenarios import Track, track_names
 from sledenv.scenarios.scenario import NOISY, Context, Scenario, Split, check_split
 from sledenv.scenarios.sections import CONTROLS
@@ -409,12 +409,12 @@ class Problem:
         whose = f"agent {getattr(agent, 'name', type(agent).__module__)}, scenario {self.scenario.id}"
         if callable(plan := getattr(agent, "plan", None)):
             masked = self.task.masked(scenes, flights)
-            with blaming(whose, "plan"):
+            with attribute_errors_to(whose, "plan"):
                 actions = plan(masked, None if flights is None else flights.copy())
         else:
             task, bounded = (self.task, True) if self._seen_by is None else (self._seen_by, False)
             observations = task.observe(scenes, flights, bounded=bounded)
-            with blaming(whose, "act"):
+            with attribute_errors_to(whose, "act"):
                 actions = agent.act(observations)  # type: ignore[union-attr]
         try:
             return checked_actions(self.action_space, self.task.action_names, actions, len(scenes.rows))

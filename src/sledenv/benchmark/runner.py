@@ -17,7 +17,7 @@ from sledenv.benchmark.results import STATUSES, key_of, opened
 from sledenv.benchmark.runs import agent_class, is_trained, load_run, read_record, train, versions
 from sledenv.benchmark.suite import Job, Suite
 from sledenv.envs.inputs import Contexts
-from sledenv.machine.blame import blaming
+from sledenv.machine.blame import attribute_errors_to
 from sledenv.machine.files import alone
 from sledenv.machine.workers import Call, runner
 from sledenv.scenarios.sections import CONTROLS
@@ -105,7 +105,7 @@ def _agents(job: Job, problem: Problem, place: Path) -> Iterator[tuple[str, Agen
     yield "trained", load_run(place)[1]
     before = getattr(agent_class(job.module), "load_untrained", None)
     if before is not None:
-        with blaming(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
+        with attribute_errors_to(f"agent {job.module}, scenario {problem.scenario.id}", "load_untrained"):
             untrained = before(problem, place)
         yield "untrained", untrained
 

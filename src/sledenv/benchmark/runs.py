@@ -24,7 +24,7 @@ from typing import Annotated, Any, Final, cast
 from pydantic import ConfigDict, ValidationError
 
 from sledenv.benchmark.problem import ENVIRONMENTS, Agent, Environment, Problem
-from sledenv.machine.blame import blaming
+from sledenv.machine.blame import attribute_errors_to
 from sledenv.machine.extras import folder_of
 from sledenv.machine.files import alone, check_folder, put
 from sledenv.machine.shipped import CONFIGS
@@ -57,7 +57,7 @@ def agent_class(module: str) -> type[Agent]:
     here = os.getcwd()
     if here not in sys.path:  # a console script does not look there by itself
         sys.path.append(here)
-    with blaming(f"agent {module!r}", "importing it"):
+    with attribute_errors_to(f"agent {module!r}", "importing it"):
         try:
             found = importlib.import_module(module)
         except ModuleNotFoundError as error:
@@ -167,7 +167,7 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
         part = scratch / folder.name
         part.mkdir()  # with the permissions of any other folder
         write_yaml(part / _CONFIG, config)
-        with alone(scratch / _LOCK), blaming(f"agent {module}, scenario {problem.scenario.id}", "train"):
+        with alone(scratch / _LOCK), attribute_errors_to(f"agent {module}, scenario {problem.scenario.id}", "train"):
             wall, cpu = time.perf_counter(), time.process_time()
             own = copy.deepcopy(settings)  # stable-baselines3 writes into nested ones
             own.pop("env_kwargs", None)  # which the problem has
@@ -323,7 +323,7 @@ def load_run(folder: Path) -> tuple[Problem, Agent, dict[str, Any]]:
     given = {key: config[key] for key in ("observe", "columns", "launch_noise")}
     problem = Problem(scenario, config["environment"], config["control"], **given)
     kind = agent_class(config["agent"])
-    with blaming(f"agent {config['agent']}, {folder}", "load"):
+    with attribute_errors_to(f"agent {config['agent']}, {folder}", "load"):
         return problem, kind.load(problem, folder), config
 
 

@@ -135,9 +135,9 @@ SCENE: Final = np.dtype(
 
 
 class Scenes(NamedTuple):
-    """Scenes, one a lane, and the pools in which they have places."""
+    """Scenes, one per lane, and the pools in which they have places."""
 
-    rows: np.ndarray  # of SCENE, one a lane
+    rows: np.ndarray  # of SCENE, one per lane
     bodies: np.ndarray  # of BODY
     pieces: np.ndarray  # of PIECE
     zones: np.ndarray  # fields of Zone, shape (n, ZONE_FIELDS); NaN for None

@@ -19,7 +19,7 @@ class GivenCodeError(RuntimeError):
 
 
 @contextmanager
-def blaming(whose: str, deed: str) -> Iterator[None]:
+def attribute_errors_to(whose: str, deed: str) -> Iterator[None]:
     """Run code that a user has given.
 
     Parameters

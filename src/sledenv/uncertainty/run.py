@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from SALib.sample import sobol
 from tqdm import tqdm
 
+from sledenv.machine.checksummed import read_checksummed, write_checksummed
 from sledenv.machine.files import check_free, replacing
-from sledenv.machine.sealed import read_sealed, write_sealed
 from sledenv.machine.workers import Call, Runner, runner
 from sledenv.scenarios.configuration import write_yaml
 from sledenv.simulation.lanes import check_room
@@ -143,7 +143,9 @@ def _simulate(
             "choose another folder, or remove it"
         )
     place.mkdir(parents=True, exist_ok=True)
-    missing = [(file, part) for file, part in zip(files, parts, strict=True) if read_sealed(file, "simulating") is None]
+    missing = [
+        (file, part) for file, part in zip(files, parts, strict=True) if read_checksummed(file, "simulating") is None
+    ]
     LIBRARY.ready()  # made once, if it must be, and not by every worker
     calls: list[Call] = [(_write_block, (one, part, file)) for file, part in missing]
     done = len(drawn) - sum(len(part) for _, part in missing)
@@ -171,7 +173,7 @@ def _digest(one: Study, part: NDArray[np.float64]) -> str:
 
 
 def _write_block(one: Study, part: NDArray[np.float64], file: Path) -> int:
-    write_sealed(_frame(one, part), file)
+    write_checksummed(_frame(one, part), file)
     return len(part)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from sledenv.machine.sealed import read_sealed, write_sealed
+from sledenv.machine.checksummed import read_checksummed, write_checksummed
 
 
 def table() -> pd.DataFrame:
@@ -30,20 +30,20 @@ def table() -> pd.DataFrame:
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     place = tmp_path / "one.parquet"
-    write_sealed(table(), place)
+    write_checksummed(table(), place)
     return place
 
 
 def test_what_is_read_is_what_was_written(file: Path, caplog: pytest.LogCaptureFixture) -> None:
     """Oracle: the table; a table without rows; there is no file."""
-    found = read_sealed(file, "judging")
+    found = read_checksummed(file, "judging")
     assert found is not None
     pd.testing.assert_frame_equal(found, table(), check_exact=True)
     assert (found.attrs["suite"], list(found.attrs)) == ("tiny", ["suite", "curve"])
-    write_sealed(table().iloc[:0], file)
-    assert read_sealed(file, "judging") is not None
+    write_checksummed(table().iloc[:0], file)
+    assert read_checksummed(file, "judging") is not None
     file.unlink()
-    assert read_sealed(file, "judging") is None
+    assert read_checksummed(file, "judging") is None
     assert caplog.messages == []
 
 
@@ -58,7 +58,7 @@ def changed(how: str, place: Path) -> None:
             found.attrs["suite"] = "full"
             found.to_parquet(place, index=False)
         case "renamed":
-            write_sealed(table(), place.with_name("two.parquet"))
+            write_checksummed(table(), place.with_name("two.parquet"))
             place.with_name("two.parquet").replace(place)
         case "without digest":
             table().to_parquet(place, index=False)
@@ -71,7 +71,7 @@ def changed(how: str, place: Path) -> None:
 @pytest.mark.parametrize("how", ["edited", "told otherwise", "renamed", "without digest", "cut", "emptied"])
 def test_what_was_changed_is_named_and_not_read(how: str, file: Path, caplog: pytest.LogCaptureFixture) -> None:
     changed(how, file)
-    assert read_sealed(file, "judging") is None
+    assert read_checksummed(file, "judging") is None
     assert caplog.messages == [f"sledenv: judging again, because it is not as it was left: {file}"]
 
 
@@ -88,7 +88,7 @@ def test_flipped_bits_are_seen_or_change_no_value(count: int, file: Path, caplog
         damaged = bytearray(whole)
         damaged[bit // 8] ^= 1 << bit % 8
         file.write_bytes(damaged)
-        found = read_sealed(file, "judging")
+        found = read_checksummed(file, "judging")
         seen += found is None
         if found is not None:
             words = {"status": str, "stage": str}

@@ -17,7 +17,7 @@ _DIGEST: Final = "digest"
 _log = logging.getLogger("sledenv")
 
 
-def write_sealed(table: pd.DataFrame, file: Path) -> None:
+def write_checksummed(table: pd.DataFrame, file: Path) -> None:
     """Write a table in one move, with a digest of its columns, of ``table.attrs`` and of the name of the file.
 
     Parameters
@@ -32,14 +32,14 @@ def write_sealed(table: pd.DataFrame, file: Path) -> None:
     OSError
         If it cannot be written.
     """
-    sealed = table.copy(deep=False)
-    sealed.attrs = table.attrs | {_DIGEST: _digest(table, file.name)}
+    checksummed = table.copy(deep=False)
+    checksummed.attrs = table.attrs | {_DIGEST: _digest(table, file.name)}
     with replacing(file, ".parquet") as part:
-        sealed.to_parquet(part, index=False)
+        checksummed.to_parquet(part, index=False)
 
 
-def read_sealed(file: Path, doing: str) -> pd.DataFrame | None:
-    """Read a table that :func:`write_sealed` has written.
+def read_checksummed(file: Path, doing: str) -> pd.DataFrame | None:
+    """Read a table that :func:`write_checksummed` has written.
 
     Parameters
     ----------
