@@ -408,7 +408,7 @@ def test_an_orientation_without_a_radius_names_the_option(tmp_path: Path, capsys
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--gyration-radius", "-1"], r"must be a number in \[1e-09, 1e\+09\] m: '-1'"),
+        (["--gyration-radius", "-1"], r"-1.0.* for --gyration-radius. Must be >= 1e-09"),
         (["--gyration-radius", "0.02", "--fix", "friction"], "must be NAME=VALUE: 'friction'"),
         (["--gyration-radius", "0.02", "--fix", "friction=9"], r"fixed.friction = 9.0: must be in \[0, 2\]"),
         (["--gyration-radius", "0.02", "--radius", "0.1"], "phi_rad: there is no such column"),

@@ -246,7 +246,7 @@ X, Y = np.linspace(0.0, 1.0, 4), np.linspace(0.0, 1.0, 3)
 @pytest.mark.parametrize(
     ("draw", "given", "message"),
     [
-        (plot.plot_table_1, (X, Y, WIDE, WIDE.T), r"printed has shape \(4, 3\): must be \(3, 4\)"),
+        (plot.plot_table_1, (X, Y, WIDE, WIDE.T), r"'printed' has shape \(4, 3\): must be \(3, 4\)"),
         (plot.plot_mode_map, (X, Y, {"f = 1": ROUND.T}), r"'f = 1' has shape \(4, 3\): must be \(3, 4\)"),
         (plot.plot_jam_map, (X, Y, {"ice": (ROUND.T, ROUND)}), r"'ice' has shape \(4, 3\): must be \(3, 4\)"),
         (plot.plot_mode_map, (X, Y, {}), "panels is empty"),
@@ -263,5 +263,5 @@ def test_what_cannot_be_drawn_is_named(draw: Callable[..., Figure], given: tuple
 def test_an_impact_that_takes_no_time_has_no_phases_to_draw() -> None:
     dropped = State(0.0, 0.5, 0.0)
     rigid = simulate(cases.DISC, cases.EXAMPLE_LAW, Slope(0.0), dropped, solver="rigid", record="trajectory")
-    with pytest.raises(ValueError, match="takes no time"):
+    with pytest.raises(ValueError, match="has no first contact that takes time"):
         plot.plot_impact_phases(rigid)
