@@ -28,7 +28,7 @@ from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
 from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, wait_until
 from tests.own_scenarios import own_scenario
-from tests.pages.shown import assert_same, numbers, problem, put, run_lines, told_launch, visit, written
+from tests.pages.shown import assert_same, numbers, pace, problem, put, run_lines, told_launch, visit, written
 
 DEGREE: Final = math.pi / 180.0
 
@@ -178,13 +178,7 @@ def test_the_film_holds_impacts_and_ends_with_the_descent(page: Browser) -> None
     """Oracle: 0.6 s for an impact that adds 0.5 m/s, in proportion less; the rows that figures draw."""
     descent = in_python(*drawn("sled_snow"))
     film, time = page.run("return [shown.film.film, shown.film.time]")
-    log, end = descent.rebounds, descent.time
-    touches = np.stack([log["t_touchdown"], log["t"]], axis=-1).ravel()
-    steps = np.diff(np.concatenate([[0.0], touches, [end]]))
-    held = 0.6 * np.clip(log["normal_impulse"] / (0.5 * descent.body.mass), 0.0, 1.0)
-    steps[1::2] = np.maximum(steps[1::2], held)
-    assert time == pytest.approx([0.0, *touches, end], abs=1e-12)
-    assert film == pytest.approx([0.0, *np.cumsum(steps)], abs=1e-12)
+    assert [film, time] == [pytest.approx(found, abs=1e-12) for found in pace(descent)]
     assert page.run("return shown.rows.t.length") == len(drawable_rows(descent))
     at_speed(page, 1000)
     page.click("#play")

@@ -16,7 +16,6 @@ from sledenv.pages import html
 from sledenv.pages.replay import Ghost, replay_page, write_replay
 from sledenv.plot.energy import energy_layers
 from sledenv.plot.riders import pieces
-from sledenv.plot.shapes import film_times, push_at
 from sledenv.reproduce.euler import euler_descent
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
@@ -27,7 +26,7 @@ from sledenv.simulation.simulate import simulate
 from sledenv.simulation.words import mode_name
 from tests.bodies import HILL, ICE, SLED, rod, run
 from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, wait_until
-from tests.pages.shown import assert_same, columns_of, numbers, problem, put, visit, written
+from tests.pages.shown import assert_same, columns_of, numbers, pace, problem, put, visit, written
 from tests.plot.outlined import RIDDEN, descent_of
 
 ZONED = Slope(0.15, 10.0, zones=(Zone(1.0, 3.0, 0.3, 0.02), Zone(6.0, math.inf, 0.01, 0.0)))
@@ -227,7 +226,8 @@ def test_a_recorded_motion_lies_on_the_simulated_one(chromium: Browser, descent:
 
 def test_the_slider_scrubs_through_the_film(page: Browser, descent: Descent) -> None:
     """Oracle: the film of the renderer; one step of the slider is a sixtieth of a second of it."""
-    times = film_times(descent, 60.0)
+    film, paced = pace(descent)
+    times = np.interp(np.append(np.arange(math.floor(60.0 * film[-1]) + 1) / 60.0, film[-1]), film, paced)
     page.press("#slider", "\ue014" * 5)  # the right arrow key
     assert shown_time(page) == pytest.approx(times[5], abs=1e-4)
     last = int(page.run("return document.querySelector('#slider').max"))
@@ -252,11 +252,11 @@ def test_a_row_of_the_table_shows_its_contact(page: Browser, descent: Descent) -
     lines = page.text("#contact").splitlines()
     assert lines[0] == f"contact 2, arc: {mode_name(rebound['mode'])}"
     found = re.search(r"force ([\d.]+) kN, grip ([\d.]+)", lines[1])
-    push = push_at(descent, time)
+    rows = descent.trajectory
+    normal, tangential = (np.interp(time, rows["t"], rows[name]) for name in ("normal", "tangential"))
     assert found is not None
-    assert push is not None
-    assert 1e3 * float(found[1]) == pytest.approx(push.normal, rel=0.02)
-    assert float(found[2]) == pytest.approx(abs(push.tangential) / (ICE.friction * push.normal), abs=0.02)
+    assert 1e3 * float(found[1]) == pytest.approx(normal, rel=0.02)
+    assert float(found[2]) == pytest.approx(abs(tangential) / (ICE.friction * normal), abs=0.02)
     assert page.run("return document.querySelectorAll('.cone, .force').length") == 2
     assert page.run("return document.querySelector('tr.current').cells[0].textContent") == "2"
 
@@ -285,10 +285,11 @@ def test_the_part_that_touches_is_marked(chromium: Browser, tmp_path: Path) -> N
     assert chromium.run(marked) == []
     for i, rebound in enumerate(descent.rebounds):
         chromium.run("show(shown.film.film[2 * arguments[0] + 1] + 1e-6)", i)
-        push = push_at(descent, float(rebound["t_touchdown"]))
-        assert push is not None
-        assert set(chromium.run(marked)) == {RIDDEN.parts[code - 1] for code in push.touches["part"]}
-        assert chromium.text("#contact").startswith(f"contact {i + 1}, {RIDDEN.parts[push.feature - 1]}: ")
+        rows = descent.trajectory
+        row = rows[np.searchsorted(rows["t"], rebound["t_touchdown"], side="right") - 1]
+        touching = row["contacts"]["part"][: row["touching"]]
+        assert set(chromium.run(marked)) == {RIDDEN.parts[code - 1] for code in touching}
+        assert chromium.text("#contact").startswith(f"contact {i + 1}, {RIDDEN.parts[row['feature'] - 1]}: ")
 
 
 def test_a_click_on_a_plot_goes_there(page: Browser, descent: Descent) -> None:
