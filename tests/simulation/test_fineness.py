@@ -122,6 +122,3 @@ def test_many_lanes_are_looked_at_as_each_alone() -> None:
         first = next((i for i in range(len(bodies)) if alone[i][k]), None)
         found = looked(bodies, laws, [slope])
         assert (found.lane if found else None) == first
-
-
-# Who is not told.

@@ -423,7 +423,7 @@ def test_where_a_change_makes_a_body_fall_there_is_no_derivative_at_an_end_of_a_
     assert found.distances[-1, 0].tolist() == [math.inf, 0.0]
 
 
-# --- ugly inputs ------------------------------------------------------------------------------------------------------
+# --- zones, rest ------------------------------------------------------------------------------------------------------
 
 
 def times_into_a_zone(speed: float, gains: tuple[float, float], begin: float, length: float) -> tuple[float, float]:

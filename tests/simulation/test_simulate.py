@@ -475,7 +475,7 @@ def test_a_nearly_stuck_rebound_is_marked() -> None:
     assert codes == [2, 1, 0]
 
 
-# --- input ------------------------------------------------------------------------------------------------------------
+# --- results as text --------------------------------------------------------------------------------------------------
 
 
 def test_descents_batches_and_bodies_are_shown_in_a_line() -> None:
