@@ -196,8 +196,8 @@ def test_the_best_action_is_done_however_many_are_rated_together(environment):
         assert Agent(problem, [critic]).expected(seen[lane : lane + 1])[0] == pytest.approx(max(smooth), abs=1e-4)
 
 
-def test_weights_are_plain_numbers_and_critics_are_rated_in_the_mean(problem, tmp_path):
-    """Oracle: NumPy, which refuses to run what a file holds; the mean of what each critic rates."""
+def test_weights_are_plain_finite_numbers_and_critics_are_rated_in_the_mean(problem, tmp_path):
+    """Oracle: NumPy, which refuses to run what a file holds; the mean of what each critic rates; the message."""
     torch.manual_seed(4)
     critics, search = [critic_of(problem, 21) for _ in range(3)], Search(problem, 0.06, *_ACTING)
     _write(critics, tmp_path / "critic.npz")
@@ -207,6 +207,10 @@ def test_weights_are_plain_numbers_and_critics_are_rated_in_the_mean(problem, tm
     each = [critic.rate(search.features, seen, search._rated) @ search._near for critic in critics]
     expected = np.mean(each, axis=0).max(axis=1)
     np.testing.assert_allclose(Agent.load(problem, tmp_path).expected(seen), expected, atol=2e-3)
+    critics[0].last.bias.data[3] = torch.inf
+    _write(critics, tmp_path / "critic.npz")
+    with pytest.raises(ValueError, match=r"critic\.npz: 0\.last\.bias has weights that are no finite numbers"):
+        Agent.load(problem, tmp_path)
 
 
 @pytest.mark.parametrize(
