@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import multiprocessing
+import os
 import re
 import sys
 import threading
@@ -178,3 +179,9 @@ def test_a_trajectory_that_does_not_fit_is_named() -> None:
             run(*GIVEN, HIGH, does_not, record="trajectory")
         rows = int(str(caught.value).split()[4])
         assert rows == pytest.approx(1.1e8 / TRAJECTORY.itemsize, rel=1e-3 if run is simulate else 1.1)
+
+
+def test_available_memory_is_some_of_what_the_machine_has() -> None:
+    """Oracle: all that it has; a hundredth of that is free where tests run."""
+    everything = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    assert 0.01 * everything < lanes.available() <= everything
