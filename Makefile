@@ -14,7 +14,7 @@ TEMPLATES = src/sledenv/pages/templates
 STYLED = '$(TEMPLATES)/*.js' '$(TEMPLATES)/*.css' 'docs/css/*.css'
 
 .DEFAULT_GOAL := help
-.PHONY: help install demo agents references clients docs reproduce wasm wheel test test-slow test-nojit gymnasium-tests trial versions lint format clean
+.PHONY: help install demo agents references clients docs reproduce wasm wheel test test-slow test-nojit trial versions lint format clean
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / {printf "  %-18s %s\n", $$1, $$2}' $(MAKEFILE_LIST)
@@ -97,12 +97,6 @@ trial: ## install the wheel in an empty environment and try every command in an 
 
 versions: ## run the fast tests with the lowest and the newest versions of all dependencies (VERSIONS="lowest tests/envs")
 	PYTHON=$(PYTHON) .ci/versions $(VERSIONS)
-
-# Moviepy, Box2D and array-api-compat are what tests of Gymnasium's wrappers need besides.
-gymnasium-tests: $(STAMP) ## run Gymnasium's own tests with these environments (GYMNASIUM=folder of a checkout)
-	@test -n "$(GYMNASIUM)" || { echo "name a checkout of Gymnasium: make $@ GYMNASIUM=../Gymnasium" >&2; exit 1; }
-	$(BIN)/python -m pip install --disable-pip-version-check -q -c constraints.txt moviepy dill Box2D array-api-compat array-api-extra
-	SDL_VIDEODRIVER=dummy $(BIN)/python -m tests.gymnasium_suite $(GYMNASIUM)
 
 lint: $(STAMP) ## check style, types, the direction of imports, words, and the templates of pages
 	$(BIN)/ruff check

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 import io
 import re
-import runpy
 import tokenize
 from itertools import chain
 from pathlib import Path
@@ -24,14 +23,6 @@ PAGES = [
     "docs/architecture.md",
     *(str(page.relative_to(ROOT)) for page in (ROOT / "docs" / "decisions").glob("*.md")),
 ]
-LINKING = [
-    "README.md",
-    "CHANGELOG.md",
-    "CONTRIBUTING.md",
-    "agents/README.md",
-    *(str(page.relative_to(ROOT)) for page in sorted((ROOT / "docs").rglob("*.md"))),
-]
-CODE = re.compile(r"^( *)```.*?^ *```", re.MULTILINE | re.DOTALL)
 
 
 def words(text: str) -> set[str]:
@@ -73,26 +64,6 @@ def test_a_name_in_code_font_is_a_name_of_the_code(page: str, known: set[str], f
     assert sorted(names - known) == []
 
 
-def anchors(page: Path) -> set[str]:
-    """The slugs that MyST gives to the headings of a page, as GitHub does."""
-    text = CODE.sub("", page.read_text(encoding="utf-8"))
-    titles = [re.sub(r"\]\([^)]*\)", "", one) for one in re.findall(r"^#{1,4} (.+)$", text, re.MULTILINE)]
-    return {re.sub(r"[^\w\- ]", "", title.strip().lower()).replace(" ", "-") for title in titles}
-
-
-@pytest.mark.parametrize("page", LINKING)
-def test_a_link_leads_to_a_file_and_a_heading(page: str) -> None:
-    """Oracle: the files of the repository and the headings of its pages. Addresses of the web are left alone."""
-    text = CODE.sub("", (ROOT / page).read_text(encoding="utf-8"))
-    lost = []
-    for link in re.findall(r"\]\(([^)\s]+)\)", text):
-        name, _, anchor = link.partition("#")
-        target = (ROOT / page).parent / name if name else ROOT / page
-        if "://" not in link and not (target.exists() and (not anchor or anchor in anchors(target))):
-            lost.append(link)
-    assert lost == []
-
-
 def test_the_gallery_has_the_scores_of_each_scenario() -> None:
     """Oracle: the tables of suites. Both scenarios for engineers are told in words."""
     page = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
@@ -117,27 +88,6 @@ def test_the_table_of_an_observation_has_the_names_of_its_entries(environment: s
     assert set(chain(*rows)) <= set(names)
     assert rows[0][0] == names[0]
     assert rows[-1][-1] == names[-1]
-
-
-@pytest.mark.parametrize(
-    ("text", "wrong"),
-    [
-        ("a friction of .5", True),  # sic
-        ("a friction of 0.5, in version 1.2.5", False),
-        ("34,000 steps a second", True),  # sic
-        ("one of them takes a second", False),
-        ("the speed at the line", True),  # sic
-        ("a corner behind the line of a piece", False),
-        ("a sled tumbles", True),  # sic
-        ("a rock tumbles", False),
-        ("a mat throws the rider over", True),  # sic
-        ("the aiming error of a launch", True),  # sic
-        ("the watchers of a step", True),  # sic
-    ],
-)
-def test_lint_finds_words_of_others(text: str, wrong: bool) -> None:
-    rules = runpy.run_path(str(ROOT / ".ci" / "words"))["RULES"]
-    assert any(re.search(rule, text) for rule in rules.values()) is wrong
 
 
 def test_make_trains_each_agent_that_ships() -> None:

@@ -46,19 +46,6 @@ def resting(ground: Polyline, x: float, distance: float) -> tuple[float, float]:
     return y + distance / math.cos(angle), angle
 
 
-@pytest.mark.parametrize(("angle", "friction"), [(20.0, 0.1), (35.0, 0.3), (50.0, 0.5)])
-def test_a_block_slides_down_a_piece_as_the_textbook_has_it(angle: float, friction: float) -> None:
-    """Oracle: v^2 = v0^2 + 2 g (sin - f cos) s along the piece, of a block that lies on its long side."""
-    ground = two_slopes(angle, 0.0)
-    block = sledenv.polygon(100.0, [(-1.0, 0.0), (1.0, 0.0), (1.0, 0.3), (-1.0, 0.3)], rounding=0.02)
-    y, slope = resting(ground, 2.0, 0.15)
-    launch = State(2.0, y, -slope, math.cos(slope), -math.sin(slope), 0.0)
-    places = np.array([4.0, 8.0, 12.0, 16.0])
-    along = (places - 2.0) / math.cos(slope)
-    expected = np.sqrt(1.0 + 2.0 * GRAVITY * (math.sin(slope) - friction * math.cos(slope)) * along)
-    assert speeds(block, law(0.3, friction), ground, launch, places) == pytest.approx(expected, rel=2e-4)
-
-
 @pytest.mark.parametrize(("first", "second"), [(30.0, 10.0), (20.0, 5.0)])
 def test_a_disc_that_rolls_through_a_dip_keeps_its_moment_about_the_new_contact(first: float, second: float) -> None:
     """Oracle: v^2 = 2 g h / (1 + k); at the dip the plastic impact turns v into v (cos theta + k) / (1 + k)."""
@@ -78,21 +65,6 @@ def test_a_disc_that_rolls_through_a_dip_keeps_its_moment_about_the_new_contact(
     expected = np.sqrt(squared + 2.0 * GRAVITY * math.sin(below) * along / (1.0 + k))
     found = speeds(disc, law(0.02, 0.9), ground, State(2.0, y, 0.0), places)
     assert found == pytest.approx(expected, rel=5e-3)
-
-
-def test_a_mass_that_slides_through_a_dip_loses_friction_on_what_stops_it() -> None:
-    """Oracle: v becomes v (cos theta - f sin theta), of a disc that hardly turns, for its inertia is large."""
-    ground, radius, friction = two_slopes(30.0, 10.0), 0.05, 0.2
-    heavy = sledenv.segment(10.0, radius, 0.0, 1e4)
-    y, slope = resting(ground, 2.0, radius)
-    theta, below = math.radians(20.0), math.radians(10.0)
-    bend = 20.0 + radius / math.cos(0.5 * theta) * math.sin(slope - 0.5 * theta)
-    squared = 2.0 * GRAVITY * (math.sin(slope) - friction * math.cos(slope)) * (bend - 2.0) / math.cos(slope)
-    squared *= (math.cos(theta) - friction * math.sin(theta)) ** 2
-    places = np.array([32.0, 38.0])
-    along = (places - bend) / math.cos(below)
-    expected = np.sqrt(squared + 2.0 * GRAVITY * (math.sin(below) - friction * math.cos(below)) * along)
-    assert speeds(heavy, law(0.02, friction), ground, State(2.0, y, 0.0), places) == pytest.approx(expected, rel=5e-3)
 
 
 def lumped(ground: np.ndarray, state: np.ndarray, normal: float, tangential: float, count: int) -> np.ndarray:
@@ -120,34 +92,6 @@ def lumped(ground: np.ndarray, state: np.ndarray, normal: float, tangential: flo
         u, v = (along - slope * up) / length, (slope * along + up) / length
         found.append((x, y, u, v))
     return np.array(found)
-
-
-def offset(ground: Polyline, radius: float) -> np.ndarray:
-    """Where the centre of a disc may be over a ground with dips alone: the parallels of its pieces."""
-    points = np.array(ground)
-    along = np.diff(points, axis=0)
-    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.hypot(*along.T)[:, np.newaxis]
-    moved = [points[0] + radius * normals[0]]
-    for before, behind, corner in zip(normals, normals[1:], points[1:-1], strict=False):
-        moved.append(corner + radius * (before + behind) / (1.0 + before @ behind))
-    return np.array([*moved, points[-1] + radius * normals[-1]])
-
-
-VALLEY: Polyline = [(0.0, 60.0), (40.0, 25.0), (80.0, 8.0), (200.0, 0.0)]
-
-
-@pytest.mark.parametrize("restitution", [0.3, 0.6])
-def test_without_friction_a_disc_bounces_as_a_lumped_mass(restitution: float) -> None:
-    """Oracle: the code above, with Rn the restitution and Rt = 1, of the centre over the parallels of the ground."""
-    radius = 0.4
-    launch = State(1.0, 65.0, 0.0, 2.0, 0.0)
-    disc, slope = sledenv.disc(100.0, radius), Slope(0.0, gravity=GRAVITY, profile=VALLEY)
-    descent = simulate(disc, law(restitution, 0.0, 1e12), slope, launch)
-    expected = lumped(offset(VALLEY, radius), np.array([*launch[:2], *launch[3:5]]), restitution, 1.0, 8)
-    rebounds = descent.rebounds[:8]
-    found = np.column_stack([rebounds[name] for name in ("x", "u_after", "v_after")])
-    assert found == pytest.approx(expected[:, [0, 2, 3]], rel=1e-3, abs=1e-3)
-    assert descent.rebounds["omega_after"] == pytest.approx(0.0, abs=1e-12)
 
 
 @pytest.mark.parametrize("friction", [0.05, 0.2, 0.6])

@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 import tarfile
-import textwrap
 import tomllib
 import zipfile
 from pathlib import Path
@@ -141,32 +140,6 @@ def python(folder: Path, *words: str, **variables: str) -> subprocess.CompletedP
     return subprocess.run([sys.executable, *words], cwd=folder, env=environment, capture_output=True, text=True)
 
 
-def test_every_public_name_can_be_looked_at_without_the_extras(tmp_path: Path) -> None:
-    """Oracle: a process without their packages, the list of public names, help and inspect."""
-    program = """
-    import copy, inspect, pydoc
-    import sledenv
-    from sledenv import *
-    from sledenv import identify, study
-    names = {name for name, _ in inspect.getmembers(sledenv)}
-    print(sorted(set(sledenv.__all__) - names), all(hasattr(sledenv, name) for name in sledenv.__all__))
-    print("study = <sledenv.study, not installed:" in pydoc.plain(pydoc.render_doc(sledenv)))
-    print(repr(copy.copy(identify)) == repr(identify), simulate.__name__)
-    others = lambda: sledenv.uncertainty.Study.load("push_off"), lambda: sledenv.evaluate(None, "sled_rollers")
-    for use in (lambda: study("push_off", "out"), lambda: identify("x.csv"), *others):
-        try:
-            use()
-        except ImportError as error:
-            print(error)
-    """
-    done = python(tmp_path, "-c", textwrap.dedent(program), HIDDEN=EXTRAS)
-    assert done.stderr == ""
-    first, helped, same, *errors = done.stdout.splitlines()
-    assert (first, helped, same) == ("[] True", "True", "True simulate")
-    installed = [error.partition(": pip install ")[2] for error in errors]
-    assert installed == ["'sledenv[analysis]'"] * 3 + ["'sledenv[benchmark]'"]
-
-
 @pytest.mark.parametrize(
     ("words", "hidden", "extra"),
     [
@@ -188,21 +161,6 @@ def test_a_script_of_the_agents_tells_a_missing_package_in_one_line(
     assert done.stderr.endswith(f": pip install 'sledenv[{extra}]'\n")
     assert done.stderr.count("\n") == 1
     assert {path.name for path in tmp_path.iterdir()} <= {"sitecustomize.py", "__pycache__"}
-
-
-@pytest.mark.parametrize("module", ["gymnasium", "sledenv.agents.train"])
-def test_an_interrupt_while_a_script_of_the_agents_is_loaded_is_one_line(module: str, tmp_path: Path) -> None:
-    """Oracle: a process that gets SIGINT as soon as it asks for a module."""
-    done = python(tmp_path, "-m", "sledenv.agents.train", "--algo", "zero", INTERRUPTED=module)
-    assert (done.returncode, done.stdout, done.stderr) == (130, "", "python -m sledenv.agents.train: interrupted\n")
-
-
-def test_a_program_of_somebody_else_tells_its_errors_itself(tmp_path: Path) -> None:
-    """Oracle: the hook of a package that imports sledenv while Python looks for its module."""
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine" / "__init__.py").write_text("import sledenv")
-    (tmp_path / "mine" / "run.py").write_text("import sys; print(sys.excepthook is sys.__excepthook__)")
-    assert python(tmp_path, "-m", "mine.run").stdout == "True\n"
 
 
 def test_nothing_in_the_package_imports_the_agents_by_the_name_they_are_installed_by() -> None:
@@ -229,12 +187,6 @@ def test_a_checkout_that_is_not_installed_says_what_to_do(tmp_path: Path) -> Non
         last = done.stderr.strip().splitlines()[-1]
         assert last.startswith("ImportError: sledenv.configs is ")
         assert last.endswith(f"pip install -e {(tmp_path / 'copy').resolve()}")
-
-
-def test_a_clone_needs_no_links() -> None:
-    """Windows makes them for developers only. Oracle: the file system."""
-    folders = (*HOMES, "docs", "examples", "perf", "tests")
-    assert [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_symlink()] == []
 
 
 @pytest.fixture(scope="module")

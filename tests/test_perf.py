@@ -13,7 +13,6 @@ import pytest
 
 import sledenv
 from perf import env, harness, reference, versus
-from perf.__main__ import app
 
 
 def test_every_measurement_has_one_turn_per_round_and_the_order_rotates() -> None:
@@ -41,17 +40,6 @@ def test_a_timing_is_cpu_time_per_unit_of_work(monkeypatch: pytest.MonkeyPatch) 
     assert harness.timed(run, units=4.0)() == 0.25
 
 
-def test_a_result_that_cannot_be_written_leaves_the_old_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(harness, "RESULTS", tmp_path)
-    monkeypatch.setattr(harness, "DOCUMENT", tmp_path / "page.md")
-    (tmp_path / "page.md").write_text("<!-- case: begin -->\n<!-- case: end -->\n")
-    harness.publish("case", [{"how": "quick", "time": {"median": 1234.5}}])
-    with pytest.raises(TypeError):
-        harness.publish("case", [{"how": object()}])
-    assert "| quick | 1,234 |" in (tmp_path / "page.md").read_text()
-    assert json.loads((tmp_path / "case.json").read_text())["stamp"]["versions"]["numba"]
-
-
 def test_the_error_of_the_exact_velocities_is_zero_and_a_missing_rebound_counts() -> None:
     assert reference.worst(reference.EXACT, 20) == 0.0
     assert reference.worst(reference.EXACT[:4], 5) == 1.0
@@ -63,22 +51,6 @@ def test_the_performance_page_shows_the_committed_results() -> None:
     text = harness.DOCUMENT.read_text()
     assert harness.render(text) == text
     assert all(f"<!-- {file.stem}: begin -->" in text for file in harness.RESULTS.glob("*.json"))
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["no-such-commit"], "no-such-commit"),
-        (["HEAD", "--only", "glide"], '"settling"'),
-        (["HEAD", "--rounds", "0"], "Must be > 0"),
-    ],
-)
-def test_versus_refuses_what_it_does_not_know(
-    words: list[str], message: str, capfd: pytest.CaptureFixture[str]
-) -> None:
-    with pytest.raises(SystemExit, match=r"[^0]"):
-        app(["versus", *words])
-    assert message in "".join(capfd.readouterr())
 
 
 def test_a_worker_answers_by_units_and_seconds_or_says_what_is_wrong() -> None:

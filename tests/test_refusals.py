@@ -760,6 +760,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("info", "must be a sequence of any of 'context', 'launch'", ("jam", "jem")),
         ("render_mode", "must be one of 'human', 'rgb_array'", 5, np.zeros(2)),
         ("columns", "must be a sequence of any of 'context', 'ground'", ("landing",)),
+        ("observe", "must be 'all' or a sequence of any of", "colour", ["colour"], [1]),
         ("noise", "unexpected keyword argument 'noise'; it has scenario, control, render_mode, info, ", 0),
     ],
     "SledLaunch.reset": [("options", "must be a mapping", "test"), ("seed", "must be an integer >= 0", *NO_SEED)],

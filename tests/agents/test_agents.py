@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import errno
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +13,7 @@ import yaml
 import sledenv.agents.demo
 import sledenv.agents.evaluate
 import sledenv.agents.train
-from sledenv.agents import curve, learning
+from sledenv.agents import curve
 from sledenv.agents.evaluate import main, table
 from sledenv.agents.sac import Agent as Sac
 from sledenv.agents.train import train
@@ -22,9 +21,8 @@ from sledenv.agents.zero import Agent as Zero
 from sledenv.benchmark import runs
 from sledenv.benchmark.evaluation import Evaluation, evaluation_of
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.runs import SETTINGS, TRAINED, is_trained, load_run, read_settings
+from sledenv.benchmark.runs import TRAINED, is_trained, load_run, read_settings
 from sledenv.benchmark.scores import mean_interval
-from sledenv.envs.sb3 import make_vec_env
 from sledenv.machine.blame import GivenCodeError
 from tests.own_scenarios import own_scenario
 
@@ -109,14 +107,6 @@ def test_an_interrupted_run_leaves_nothing_and_can_be_started_again(quick, tmp_p
     train("zero", own_scenario("brake_mat"), "launch", folder=tmp_path, overwrite=True)
 
 
-def test_a_run_that_was_killed_is_no_finished_run(tmp_path, capsys):
-    """Oracle: a run that ships, without the file that is written last."""
-    shutil.copytree(TRAINED / "sled_mat-launch-spin-critic-s0", tmp_path / "run.part")
-    (tmp_path / "run.part" / "record.yaml").unlink()
-    assert main([str(tmp_path / "run.part"), "--contexts", "2"]) == 2
-    assert "is no finished run: it has no record.yaml" in capsys.readouterr().err
-
-
 @pytest.mark.parametrize("name", ["config.yaml", "action.yaml"])
 def test_a_run_that_refers_from_place_to_place_is_refused(name, tmp_path, quick):
     """A few lines of such references stand for gigabytes."""
@@ -148,19 +138,6 @@ def test_a_place_for_numbers_is_checked_before_anything_is_judged_and_replaced_w
     assert "No space left on device" in capsys.readouterr().err
     assert file.read_text() == before
     assert list(tmp_path.iterdir()) == [file]
-
-
-def test_tracks_made_by_hand_have_a_table_of_their_own(tmp_path, capsys):
-    """Oracle: the rewards that ``evaluate`` gives."""
-    name, file = "sled_rollers-descent-trim-critic-s0", tmp_path / "scores.json"
-    assert main([name, "--tracks", "--contexts", "14", "--json", str(file)]) == 0
-    lines = {line.split()[0]: line.split() for line in capsys.readouterr().out.splitlines() if line}
-    score, (told,) = sledenv.evaluate(name, contexts=14, tracks=True), json.loads(file.read_text())
-    assert (told["rewards"], told["tracks"]) == (score.rewards.tolist(), list(score.places))
-    for track in score.places:
-        on = np.array(score.places) == track
-        mean, falls = f"{score.rewards[on].mean():.3f},", f"{score.fallen[on].mean():.1%}"
-        assert lines[track] == [track, str(on.sum()), mean, falls, "fall"]
 
 
 @pytest.mark.parametrize(
@@ -260,23 +237,3 @@ def test_the_demo_writes_its_table_scores_and_picture(quick, tmp_path, monkeypat
     written = sorted((tmp_path / "demo").rglob("critic.npz"))[0].stat().st_mtime_ns
     assert sledenv.agents.demo.main(command) == 0
     assert sorted((tmp_path / "demo").rglob("critic.npz"))[0].stat().st_mtime_ns == written
-
-
-def test_lanes_of_two_seeds_share_no_stream(monkeypatch, tmp_path):
-    """Oracle: the seeds that the environments are asked for."""
-    asked = []
-
-    def made(id, lanes, seed, **rest):
-        asked.append(range(seed, seed + lanes))
-        return make_vec_env(id, lanes, seed, **rest)
-
-    monkeypatch.setattr(learning, "make_vec_env", made)
-    problem = Problem(own_scenario("ice_fast"))
-    quick = {"n_timesteps": 512, "learning_starts": 256, "gradient_steps": 1}
-    given = read_settings(SETTINGS, "sledenv.agents.sac", "launch") | quick
-    for seed in range(3):
-        folder = tmp_path / str(seed)
-        folder.mkdir()
-        Sac.train(problem, given, seed, folder)
-    streams = [lane for lanes in asked for lane in lanes]
-    assert len(streams) == len(set(streams)) == 3 * given["n_envs"]

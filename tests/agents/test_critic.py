@@ -7,7 +7,6 @@ import pytest
 import torch
 from scipy.special import ndtr
 
-from sledenv.agents import curve
 from sledenv.agents.critic import _ACTING, _BLOCK, Agent, Critic, Episodes, Search, _write
 from sledenv.agents.features import LaunchFeatures, RideFeatures, features_of
 from sledenv.benchmark.problem import Problem
@@ -197,23 +196,8 @@ def test_the_best_action_is_done_however_many_are_rated_together(environment):
         assert Agent(problem, [critic]).expected(seen[lane : lane + 1])[0] == pytest.approx(max(smooth), abs=1e-4)
 
 
-@pytest.mark.parametrize("environment", ["descent", "launch"])
-def test_equal_seeds_give_equal_agents_and_others_do_not(environment, tmp_path, monkeypatch):
-    monkeypatch.setattr(curve, "_CONTEXTS", 4)
-    problem = Problem("sled_kickers", "descent", columns=COLUMNS) if environment == "descent" else Problem("sled_mat")
-    weights = []
-    for i, seed in enumerate((1, 1, 2)):
-        folder = tmp_path / str(i)
-        folder.mkdir()
-        agent = Agent.train(problem, settings(problem), seed, folder)
-        weights.append(agent._critics[0].last.weight.detach().numpy())
-        assert (folder / "learning_curve.csv").read_text().splitlines()[-1].split(",")[0] != "0"
-    assert np.array_equal(*weights[:2])
-    assert not np.array_equal(*weights[1:])
-
-
-def test_weights_are_plain_numbers_and_critics_are_rated_in_the_mean(problem, tmp_path):
-    """Oracle: NumPy, which refuses to run what a file holds; the mean of what each critic rates."""
+def test_weights_are_plain_finite_numbers_and_critics_are_rated_in_the_mean(problem, tmp_path):
+    """Oracle: NumPy, which refuses to run what a file holds; the mean of what each critic rates; the message."""
     torch.manual_seed(4)
     critics, search = [critic_of(problem, 21) for _ in range(3)], Search(problem, 0.06, *_ACTING)
     _write(critics, tmp_path / "critic.npz")
@@ -223,19 +207,10 @@ def test_weights_are_plain_numbers_and_critics_are_rated_in_the_mean(problem, tm
     each = [critic.rate(search.features, seen, search._rated) @ search._near for critic in critics]
     expected = np.mean(each, axis=0).max(axis=1)
     np.testing.assert_allclose(Agent.load(problem, tmp_path).expected(seen), expected, atol=2e-3)
-
-
-def test_weights_that_are_no_numbers_are_refused(problem, tmp_path):
-    """Oracle: one weight of a critic that loads otherwise."""
-    critic = critic_of(problem)
-    critic.last.bias.data[3] = torch.nan
-    _write([critic], tmp_path / "critic.npz")
+    critics[0].last.bias.data[3] = torch.inf
+    _write(critics, tmp_path / "critic.npz")
     with pytest.raises(ValueError, match=r"critic\.npz: 0\.last\.bias has weights that are no finite numbers"):
         Agent.load(problem, tmp_path)
-    for cut in (b"", (tmp_path / "critic.npz").read_bytes()[:100]):
-        (tmp_path / "critic.npz").write_bytes(cut)
-        with pytest.raises(ValueError, match=r"critic\.npz cannot be read: "):
-            Agent.load(problem, tmp_path)
 
 
 @pytest.mark.parametrize(

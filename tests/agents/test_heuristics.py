@@ -13,8 +13,6 @@ from sledenv.scenarios.scenario import Scenario
 from sledenv.simulation.records import RUNNING
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
-CONTROLS = ["both", "orientation", "spin"]
-
 
 def altered(name: str, **sections) -> Scenario:
     """A shipped scenario with other sections."""
@@ -60,18 +58,6 @@ def test_land_flat_touches_upright_at_the_middle_of_the_speeds(control):
     assert (np.abs(launches[:, 5]) < 8.0).all()  # no spin is cut short
     touch = first["t"] - first["duration"]
     assert np.abs(turned(launches[:, 2] + launches[:, 5] * touch)).max() < 1e-5
-
-
-def test_land_flat_mirrors_with_the_disturbance():
-    """Oracle: symmetry of the flight; the mirrored spin needs the mirrored pose."""
-    problem = Problem(own_scenario("ice_drop"), control="orientation")
-    contexts = problem.contexts("test", 30)
-    mirrored = contexts.copy()
-    mirrored[:, 7] *= -1.0
-    agent = land_flat.Agent(problem)
-    poses, others = (agent.act(problem.task.observe(problem.task.scenes(each))) for each in (contexts, mirrored))
-    assert np.abs(poses).max() > 0.05
-    assert others == pytest.approx(-poses, abs=1e-6)
 
 
 def test_replan_earns_more_than_the_rule_and_the_rule_more_than_nothing():

@@ -17,7 +17,7 @@ from sledenv.benchmark.problem import Problem
 from sledenv.benchmark.runs import train
 from sledenv.command.cli import main
 from sledenv.pages.play import map_page
-from sledenv.scenarios.scenario import Context, ScenarioError, load_scenario
+from sledenv.scenarios.scenario import ScenarioError, load_scenario
 from sledenv.simulation.simulate import simulate
 from tests.browser import Browser, browser, data_of, needs_chromium, patient, wait_until
 from tests.own_scenarios import own_scenario
@@ -86,38 +86,6 @@ def test_marks_play_their_own_launches(page: str, chromium: Browser, tmp_path: P
         assert status == str(descent.status)
         assert reward == pytest.approx(float(descent.jam.reward), abs=1e-6)
     assert chromium.log() == []
-
-
-@needs_chromium
-@pytest.mark.jit_only
-@pytest.mark.parametrize(("name", "seed"), [(SCENARIO, 3), pytest.param("sled_mat", 3, marks=pytest.mark.slow)])
-def test_a_page_finds_the_best_launch_itself(name: str, seed: int, chromium: Browser, tmp_path: Path) -> None:
-    """Oracle: the search of the benchmark, whose interval the expected reward of the best launch lies in."""
-    problem, file = Problem(name), tmp_path / "map.html"
-    given = np.array([problem.scenario.sample(np.random.default_rng(seed))])
-    with pytest.MonkeyPatch.context() as patch:  # hardly less thorough, much less patient
-        for setting, value in {"CELLS": 3000, "STARTS": 12, "JUDGED": (4, 64)}.items():
-            patch.setattr(oracle, setting, value)
-        best = oracle.best_launches(problem, given).iloc[0]
-    file.write_text(patient(map_page(problem.scenario, [seed], {})), encoding="utf-8")
-    chromium.open(file)
-    wait_until(chromium, "map?.best?.refined && !asking && !drawing")
-    found = dict(chromium.run("return AXES.map((name, i) => [name, map.best.launch[i]])"))
-    values = np.array([found[name] for name in problem.task.controlled])
-    low, high = np.array([problem.scenario.control_bounds[name] for name in problem.task.controlled]).T
-    action = 2.0 * (values - low) / (high - low) - 1.0
-    earned = problem.expect(problem.trials(given, "test"), action[np.newaxis, np.newaxis])[0, 0]
-    assert earned >= best["low"] - 0.005
-    # The best of many by 64 draws is so by luck in part.
-    assert chromium.run("return map.best.reward") == pytest.approx(earned, abs=0.01)
-    if name == "sled_mat":  # whose agent does not choose the orientation
-        assert found["orientation"] == pytest.approx(given[0, Context._fields.index("orientation")] / DEGREE, rel=1e-5)
-    told = chromium.text("#map-words")
-    assert told.startswith("Best of this map, white star: orientation")
-    assert "of 64 noisy launches" in told
-    chromium.click("#best")
-    wait_until(chromium, f"!asking && isChanged('{problem.task.controlled[0]}')")
-    assert chromium.run("return AXES.map(shownOf)") == pytest.approx(list(found.values()), rel=1e-6)
 
 
 def test_wrong_runs_are_refused_before_anything_is_simulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

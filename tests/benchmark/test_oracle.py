@@ -9,9 +9,8 @@ from gymnasium.error import InvalidAction
 from scipy.interpolate import RegularGridInterpolator
 from scipy.special import ndtri
 
-from sledenv.benchmark.oracle import _search, best_launches, jam_map, rewards_of
+from sledenv.benchmark.oracle import best_launches, jam_map, rewards_of
 from sledenv.benchmark.problem import Problem
-from sledenv.benchmark.suite import Suite
 from sledenv.scenarios.scenario import Context
 from tests.own_scenarios import own_scenario
 
@@ -98,22 +97,3 @@ def test_a_map_of_two_is_a_convolution_with_the_noise_that_turns_round():
         assert one.rewards[i, j] == pytest.approx(problem.expect(scenes, launch)[0, 0], abs=0.02)
     upper = expected_at(problem, one, np.array([[1.0, 0.0], [-1.0, 0.0]]))
     assert upper[0] == upper[1]  # both are the same launch
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("scenario", Suite.load("launch").scenarios["launch"])
-def test_the_interval_is_that_of_the_launch_and_other_searches_find_little_more(scenario):
-    """Oracle: 8,192 draws; searches of other grids and scenes, three times as many.
-
-    Of the 22 contexts of a scenario at most three may lie outside: with 95 % inside that happens in 2 % of the tests.
-    """
-    problem = Problem(scenario)
-    contexts = problem.contexts("test", 22)
-    table = best_launches(problem, contexts)
-    draws = problem.scenes(contexts, 8192, (13,))
-    own = problem.expect(draws, actions_of(table)[:, np.newaxis])[:, 0]
-    assert ((own < table["low"]) | (own > table["high"])).sum() <= 3
-    more = np.concatenate([_search(problem, contexts, 20 + i) for i in range(6)], axis=1)
-    first = problem.expect(problem.scenes(contexts, 512, (12,)), more)
-    best = np.take_along_axis(more, np.argsort(-first, axis=1)[:, :4, np.newaxis], axis=1)
-    assert (problem.expect(draws, best).max(axis=1) > table["high"] + table["apart"]).sum() <= 3

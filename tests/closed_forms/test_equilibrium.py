@@ -16,7 +16,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import polygon
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
-from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SHELL, SLED, SQUARE, WHEEL, touching
+from tests.closed_forms.make import BODIES, DISC, OUTLINES, ROD, SHELL, SLED, SQUARE, touching
 
 RIGID_EPS, SETTLING_EPS = 1e-9, 1e-6
 
@@ -89,23 +89,6 @@ def test_the_angles_of_rest_are_those_of_the_condition(bodies: Mapping[str, Body
     assert bounds > 150
 
 
-def test_without_rolling_resistance_a_body_only_balances() -> None:
-    """Oracle: the vertical through the mass centre meets the contact point, h sin(phi - beta) = -r sin(beta)."""
-    law, slope = ContactLaw(1e6, 0.5, 0.5, 0.0), Slope(0.1)
-    tilt = math.asin(2.0 * math.sin(0.1))
-    points = static_jam_angles(DISC, law, slope)
-    assert [low for low, _ in points] == [high for _, high in points]
-    assert [low for low, _ in points] == pytest.approx([0.1 + tilt - math.pi, 0.1 - tilt])
-
-
-def test_a_wheel_rests_everywhere_or_nowhere() -> None:
-    """Oracle: r tan(beta) <= delta, whatever the orientation."""
-    law = ContactLaw(1e6, 0.5, 0.5, 0.01)
-    limit = math.atan(0.1)
-    assert static_jam_angles(WHEEL, law, Slope(limit - 1e-9)) == [(-math.pi, math.pi)]
-    assert static_jam_angles(WHEEL, law, Slope(limit + 1e-9)) == []
-
-
 @pytest.mark.parametrize("name", RESTS)
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])
 def test_a_body_laid_on_the_slope_jams_inside_and_moves_outside(
@@ -130,16 +113,6 @@ def test_a_body_laid_on_the_slope_jams_inside_and_moves_outside(
                 assert inside.time == 0.0
                 assert inside.state == inside.launch
                 assert outside.time > 0.0
-
-
-def test_a_square_balances_on_its_corners() -> None:
-    """Oracle: h sin(theta) of a corner, h = 1/sqrt(2) m, within delta on the level: four equal ranges."""
-    law = ContactLaw(1e6, 0.5, 0.5, 0.0, 0.01)
-    half_width = math.asin(0.01 * math.sqrt(2.0))
-    corners = np.pi * np.array([-0.75, -0.25, 0.25, 0.75])
-    expected = np.column_stack([corners - half_width, corners + half_width])
-    assert np.array(static_jam_angles(SQUARE, law, Slope(0.0))) == pytest.approx(expected, abs=1e-14)
-    assert static_jam(SQUARE, law, Slope(0.0), corners).all()
 
 
 def test_a_corner_that_touches_at_half_a_turn_rests_on_both_sides_of_it() -> None:

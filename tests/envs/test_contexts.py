@@ -12,7 +12,6 @@ from scipy.stats import kstest
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import FIELDS
-from sledenv.envs.task import Task
 from sledenv.envs.vector import SledLaunchVector
 from sledenv.simulation.support import support_heights, within_a_turn
 from tests.own_scenarios import own_scenario
@@ -38,14 +37,6 @@ def test_no_value_of_one_split_is_ever_one_of_another_and_equal_draws_lie_far_ap
             if a != b:
                 assert not (first[a] == second[b])[VARIES].any()
                 assert (np.abs(first[a] - first[b])[VARIES] > 0.23 * (HIGH - LOW)[VARIES]).all()
-
-
-@pytest.mark.parametrize("split", SPLITS)
-def test_every_split_is_uniform_in_the_ranges(split):
-    """Oracle: Kolmogorov and Smirnov against the uniform distribution."""
-    contexts = BRAKE.contexts(np.random.default_rng(0).random((20_000, len(LOW))), split)
-    for column, low, high in zip(contexts.T[VARIES], LOW[VARIES], HIGH[VARIES], strict=True):
-        assert kstest((column - low) / (high - low), "uniform").pvalue > 1e-3
 
 
 @pytest.mark.parametrize("name", IDS)
@@ -75,21 +66,6 @@ def test_any_part_of_the_context_can_be_fixed_and_the_rest_is_drawn_as_without(n
     assert env.reset()[1]["context"] == twin.reset()[1]["context"]  # nothing was drawn for them
 
 
-def test_contexts_of_a_table_must_be_right_but_what_is_chosen_may_be_open():
-    """Oracle: the ranges of the fields; environments choose orientation and spin later."""
-    task, fields = Task("sled_snow", control="both"), sledenv.scenarios.Context._fields
-    rows = task.scenario.contexts(np.random.default_rng(0).random((4, task.scenario.draws)))
-    rows[:, fields.index("friction")] = 0.1, 0.2, -1.0, 0.3
-    with pytest.raises(ValueError, match=r"contexts\[2\]\.friction = -1\.0: must be in \[0, inf\)"):
-        task.scenes(rows)
-    rows[:, fields.index("friction")] = 0.1
-    rows[:, [fields.index("orientation"), fields.index("spin")]] = np.nan
-    assert len(task.scenes(rows).rows) == 4
-    rows[1, fields.index("speed")] = np.nan
-    with pytest.raises(ValueError, match=r"contexts\[1\]\.speed = nan: must be"):
-        task.scenes(rows)
-
-
 @pytest.mark.parametrize("control", ["both", "orientation", "spin"])
 def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_action(control):
     """Oracle: the launches without noise; their differences against the normal distribution."""
@@ -111,20 +87,3 @@ def test_launch_noise_is_normal_and_disturbs_orientation_and_spin_after_the_acti
     body = noisy.task.bodies[0]
     clearance = [y - support_heights(body.record, np.array([phi]))[0] for _, y, phi, *_ in disturbed[:200]]
     assert clearance == pytest.approx(contexts[:200, 4], abs=1e-12)
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_no_noise_leaves_streams_and_episodes_as_they_are_and_noise_changes_the_descent_alone(name):
-    """Oracle: environments without the argument."""
-    given = {"scenario": own_scenario("ice_drop")}  # whose launch is exact
-    env, none, noisy = (
-        gym.make(name, **given, **more) for more in ({}, {"launch_noise": (0, 0)}, {"launch_noise": (0.3, 0)})
-    )
-    action = np.full(env.action_space.shape, 0.25, np.float32)
-    for seed in range(5):
-        seen = [e.reset(seed=seed)[0] for e in (env, none, noisy)]
-        assert np.array_equal(seen[0], seen[1])
-        assert np.array_equal(seen[0][:11], seen[2][:11])  # a flight is seen with its error
-        steps = [e.step(action) for e in (env, none, noisy)]
-        assert steps[0][4] == steps[1][4]
-        assert steps[0][4]["descent"] != steps[2][4]["descent"]

@@ -27,9 +27,7 @@ from sledenv.simulation import STATUS_OF_CODE
 from tests.envs.kinds import equal
 from tests.own_scenarios import own_scenario, ride_over_bumps
 
-SOLVERS = ("compliant", "rigid")
 BUMPS, UNSTEADY = ride_over_bumps(), ride_over_bumps(noise_rad_s=0.3)
-TURN = 2.0 * np.pi
 
 
 def name_of(scenario):
@@ -206,17 +204,6 @@ def test_planners_are_told_no_more_than_is_seen():
     assert again.pieces.tobytes() == known.pieces.tobytes()
 
 
-def test_a_launch_on_a_profile_sees_the_first_vertices():
-    """Oracle: the vertices of the slope; on a plane there are none to see."""
-    env = SledLaunch(BUMPS)
-    observation, info = env.reset(seed=4)
-    profile = BUMPS.given(sledenv.scenarios.Context(**info["context"])).slope.profile
-    told = [[8.0 * x / (43.0 * (k + 1)), y / 0.4, 1.0] for k, (x, y) in enumerate(profile[:8])]
-    assert observation[11:] == pytest.approx(np.ravel(told), abs=1e-6)
-    assert env.observation_names[11:14] == ("ahead_1_x", "ahead_1_y", "ahead_1_there")
-    assert SledLaunch("sled_snow").observation_space.shape == (11,)
-
-
 def test_every_decision_is_of_a_flight_that_is_long_enough():
     """Oracle: the log of rebounds without trims, by which a flight could end sooner than before the decision."""
     env, short = SledDescent(BUMPS), 0
@@ -236,22 +223,6 @@ def test_every_decision_is_of_a_flight_that_is_long_enough():
         ]
         short += sum(0.0 < length < 0.12 for length in flights.values())
     assert short > 30
-
-
-def test_a_descent_without_a_long_flight_ends_in_the_reset_and_its_first_step_pays_all():
-    """Oracle: the descents of the same contexts in one go."""
-    env = SledDescent(ride_over_bumps(shortest_flight_s=1e3))
-    for seed in range(3):
-        _, info = env.reset(seed=seed)
-        _, reward, terminated, truncated, last = env.step(np.ones(1, np.float32))
-        assert (terminated, truncated) == (True, False)
-        contexts = np.array([list(info["context"].values())])
-        descent = env.task.descent(env.task.scenes(contexts))
-        assert reward == descent.jam.reward
-        assert last["rebounds"]["t"] == descent.rebounds["t"].tolist()
-        assert last["descent"]["energy"]["work"] == 0.0
-        with pytest.raises(ResetNeeded):
-            env.step(np.ones(1, np.float32))
 
 
 def test_the_errors_of_an_unsteady_rider_are_normal_and_independent():

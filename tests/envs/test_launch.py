@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import json
-import pickle
 import re
-from functools import partial
 
 import gymnasium as gym
 import numpy as np
@@ -19,10 +17,8 @@ from stable_baselines3.common.env_checker import check_env as check_env_sb3
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.inputs import checked_actions
-from sledenv.envs.launch import SledLaunch
 from sledenv.envs.render import draw_film
 from sledenv.envs.task import Task
-from sledenv.envs.vector import SledLaunchVector
 from sledenv.scenarios import Context, Scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
 from tests.envs.kinds import SCALAR, both_ids
@@ -93,20 +89,6 @@ def test_a_step_is_the_simulated_descent_bit_for_bit(seed, chosen, scenario, dat
     assert after["jam"]["jam_index"] == 1.0 - reward
     assert after["context"] == info["context"]  # what was drawn, not what was chosen
     assert json.loads(json.dumps(after)) == after
-
-
-@both_ids
-def test_the_picture_shows_the_launch_and_then_the_descent(env_id):
-    env = gym.make(env_id, scenario=own_scenario("ice_drop"), render_mode="rgb_array")
-    env.reset(seed=0)
-    launch = env.render()
-    env.step(np.zeros(env.action_space.shape, np.float32))
-    descent = env.render()
-    assert launch.shape == descent.shape == (540, 960, 3)
-    assert launch.dtype == np.uint8
-    assert not np.array_equal(launch, descent)
-    assert np.array_equal(descent, env.render())
-    env.close()
 
 
 @both_ids
@@ -204,10 +186,6 @@ def test_entries_of_observations_and_actions_have_names():
         assert one.action_names == ("spin" if given else "trim",)
 
 
-def in_context_units(name: str) -> np.ndarray:
-    return np.radians(BOUNDS[name]) if name == "orientation" else np.array(BOUNDS[name])
-
-
 def test_a_word_is_a_combination_in_the_order_of_the_actions():
     """Oracle: the words by hand; all that a control stands for is a field of the context."""
     assert tuple(BOUNDS) == tuple(CONTROLS)
@@ -243,42 +221,3 @@ def test_the_energy_of_a_chosen_speed_counts_as_supplied(control):
     assert scenes.launches[:, 3].tolist() == speeds.tolist()
     supplied = task.descend(scenes).outcomes["supplied"]
     assert np.diff(supplied) == pytest.approx(0.5 * task.bodies[0].mass * np.diff(speeds**2), rel=1e-9)
-
-
-@every_word
-def test_what_is_chosen_is_not_observed_and_contexts_are_drawn_as_ever(control):
-    """Oracle: an environment that chooses both, from the same seed; the fields of the context by hand."""
-    env, twin = SledLaunch(SCENARIO, control), SledLaunch(SCENARIO)
-    for seed in (5, None):
-        observation, info = env.reset(seed=seed)
-        assert info == twin.reset(seed=seed)[1]
-        for name in BOUNDS:
-            assert (observation[Context._fields.index(name)] == 0.0) == (name in env.task.controlled)
-        env.step(np.zeros(env.action_space.shape, np.float32))
-        twin.step(np.zeros(2, np.float32))
-
-
-@pytest.mark.parametrize("kind", [SledLaunch, partial(SledLaunchVector, 2)])
-@pytest.mark.parametrize(
-    ("scenario", "control", "known"),
-    [
-        (own_scenario("brake_mat"), "speed", "'both', 'orientation', 'spin', 'orientation[+]spin', 'all'"),
-        (SCENARIO, "trim", "'both', .*'orientation[+]speed', .*'all'"),
-        (SCENARIO, "spin+orientation", "'both', .*'all'"),
-        (SCENARIO, "", "'both', .*'all'"),
-    ],
-)
-def test_a_wrong_word_is_answered_with_the_known_ones(kind, scenario, control, known):
-    """Oracle: the message; a scenario without bounds of the speed has no control of it."""
-    with pytest.raises(ValueError, match=rf"^control = '{re.escape(control)}': must be one of {known}$"):
-        kind(scenario, control)
-
-
-def test_words_for_the_same_choice_make_the_same_task():
-    """Oracle: the first word; a snapshot of one is a snapshot of the other."""
-    assert Task(SCENARIO, "orientation+spin").control == Task(own_scenario("brake_mat"), "all").control == "both"
-    env, twin = SledLaunch(SCENARIO, "all"), SledLaunch(SCENARIO, "orientation+spin+speed")
-    env.reset(seed=0)
-    twin.restore(pickle.loads(pickle.dumps(env.snapshot())))
-    action = np.full(3, 0.25, np.float32)
-    assert env.step(action)[1] == twin.step(action)[1]

@@ -2,21 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import pickle
-from functools import partial
-
 import gymnasium as gym
 import numpy as np
 import pytest
 import torch
 from gymnasium.error import ResetNeeded
 from stable_baselines3 import PPO, SAC
-from stable_baselines3.common.callbacks import EvalCallback
 from stable_baselines3.common.env_util import make_vec_env as theirs
-from stable_baselines3.common.logger import configure
 from stable_baselines3.common.monitor import Monitor
-from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
+from stable_baselines3.common.vec_env import DummyVecEnv
 
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
@@ -96,14 +90,6 @@ def test_an_episode_that_met_a_limit_has_ended_as_any_other_has(short_scenario):
     assert {"running", "finish", "log_full"} <= seen
 
 
-def test_the_default_infos_hold_what_sb3_reads_and_no_more(make):
-    env = make(3)
-    env.reset()
-    *_, infos = env.step(np.zeros((3, 2), np.float32))
-    for info in infos:
-        assert info.keys() == {"terminal_observation", "TimeLimit.truncated", "is_success", "episode"}
-
-
 @pytest.mark.parametrize(
     ("env_id", "algorithm", "settings"),
     [
@@ -126,27 +112,6 @@ def test_algorithms_train_on_1024_lanes_with_one_call_save_and_load(make, env_id
     observations = env.reset()
     assert np.array_equal(*(one.predict(observations, deterministic=True)[0] for one in (model, again)))
     again.learn(1024, reset_num_timesteps=False)
-
-
-@both_ids
-def test_training_and_evalcallback_tell_the_raw_returns_of_sb3s_own_lanes(make, short_scenario, env_id, tmp_path):
-    """Oracle: SB3's own make_vec_env behind VecNormalize, which scales rewards; raw returns are in (0, 1)."""
-    told, given = [], {"env_kwargs": {"scenario": short_scenario}}
-    for i, lanes in enumerate((partial(make, env_id=env_id), partial(theirs, env_id, **given))):
-        folder = tmp_path / str(i)
-        judged = VecNormalize(lanes(4, seed=5), training=False)
-        callback = EvalCallback(judged, n_eval_episodes=8, eval_freq=8, log_path=str(folder), verbose=0)
-        model = PPO("MlpPolicy", VecNormalize(lanes(8, seed=0)), n_steps=8, batch_size=32, n_epochs=1, seed=0)
-        model.set_logger(configure(str(folder), ["csv"]))
-        model.learn(64, callback=callback)
-        model.logger.close()
-        with (folder / "progress.csv").open() as file:
-            rows = list(csv.DictReader(file))  # of the evaluation, of the rollout
-        names = "eval/mean_reward", "rollout/ep_rew_mean"
-        means = [float(next(filter(None, (row[name] for row in rows)))) for name in names]
-        told.append((means, np.load(folder / "evaluations.npz")["results"].tolist()))
-    assert told[0] == told[1]
-    assert all(0.0 < mean < 1.0 for mean in told[0][0])
 
 
 def test_seeds_and_options_are_used_once(make, short_scenario):
@@ -230,16 +195,6 @@ def test_lanes_can_be_drawn(short_scenario):
     assert env.env_method("has_wrapper_attr", "film") == [True, True]
 
 
-def test_no_pictures_without_their_render_mode(make):
-    """Oracle: DummyVecEnv, which warns and gives none."""
-    env = make(2, 0)
-    env.reset()
-    with pytest.warns(UserWarning, match="must be 'rgb_array'"):
-        assert env.get_images() == [None, None]
-    with pytest.warns(UserWarning, match="no `render_mode` was passed"):
-        assert env.render() is None
-
-
 def test_arguments_of_stable_baselines3_are_taken_or_named(short_scenario):
     """Oracle: stable-baselines3's own make_vec_env, for seeds without a seed and for the action space."""
     given = {"env_kwargs": {"scenario": short_scenario, "render_mode": None}}
@@ -255,17 +210,6 @@ def test_arguments_of_stable_baselines3_are_taken_or_named(short_scenario):
             make_vec_env(LAUNCH_ID, 2, **{name: None})
     with pytest.raises(TypeError, match=r"env_id = .*: must be an id such as"):
         make_vec_env(SledLaunch, 2)
-
-
-def test_a_pickled_adapter_goes_on_identically(make):
-    env = make(3, 0, DESCENT_ID)
-    env.reset()
-    env.step(np.zeros((3, 1)))
-    twin = pickle.loads(pickle.dumps(env))
-    for _ in range(5):
-        (*step, infos), (*other, others_infos) = (one.step(np.zeros((3, 1))) for one in (env, twin))
-        assert equal(step, other)
-        assert equal(without_times(infos), without_times(others_infos))
 
 
 def test_only_a_native_batch_in_the_mode_of_sb3_is_adapted():

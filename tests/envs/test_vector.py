@@ -15,7 +15,7 @@ from gymnasium.vector import AutoresetMode, SyncVectorEnv
 import sledenv
 from sledenv.envs import DESCENT_ID, LAUNCH_ID
 from sledenv.envs.info import INFO_KEYS
-from sledenv.envs.vector import CHEAP_INFO, SledVectorEnv
+from sledenv.envs.vector import SledVectorEnv
 from tests.envs.kinds import NATIVE, SCALAR, WIDTH, both_ids, equal
 from tests.envs.test_bodies import SEVERAL
 from tests.own_scenarios import own_scenario, ride_over_bumps
@@ -104,19 +104,6 @@ def test_every_autoreset_mode_agrees_with_syncvectorenv_in_all_it_returns(env_id
             ended &= ~mask
 
 
-def test_a_lane_that_has_ended_is_reset_before_the_next_step():
-    """Oracle: Gymnasium's mode "Disabled"; a user's mask is left as it was."""
-    env, mask = native(4, AutoresetMode.DISABLED), np.array([True, True, True, False])
-    env.reset(seed=0)
-    env.step(np.zeros((4, 2), np.float32))
-    for lane, reset in ((0, mask), (3, ~mask)):
-        with pytest.raises(ResetNeeded, match=f"lane {lane} has ended"):
-            env.step(np.zeros((4, 2), np.float32))
-        env.reset(options={"reset_mask": reset})
-    assert mask.tolist() == [True, True, True, False]
-    assert env.step(np.zeros((4, 2), np.float32))[2].all()
-
-
 def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_alone():
     """Oracle: a twin that was given none."""
     env, twin = native(3), native(3)
@@ -131,30 +118,6 @@ def test_contexts_are_given_for_all_lanes_or_one_a_lane_and_leave_the_streams_al
     assert set(info["context"]["speed"]) == {contexts[1].speed}
     frictions = np.array([0.3, 0.4, 0.5])
     assert np.array_equal(env.reset(options={"context": {"friction": frictions}})[1]["context"]["friction"], frictions)
-
-
-@pytest.mark.parametrize("keys", [(), ("is_success",), CHEAP_INFO, INFO_KEYS])
-@both_ids
-def test_info_holds_what_was_asked_for(env_id, keys):
-    env = native(2, AutoresetMode.DISABLED, env_id, info=keys)
-    told = {"context"} if env_id == LAUNCH_ID else {"context", "launch"}
-    assert set(env.reset(seed=0)[1]) == {mark + key for key in told & set(keys) for mark in ("", "_")}
-    assert set(env.step(np.zeros((2, WIDTH[env_id]), np.float32))[4]) == {*keys, *(f"_{key}" for key in keys)}
-    assert NATIVE[env_id](2).info_keys == CHEAP_INFO == tuple(key for key in INFO_KEYS if key != "rebounds")
-
-
-def test_a_pickled_and_a_copied_batch_go_on_identically():
-    """Oracle: the batch itself; taken in the middle of the episodes."""
-    env = native(3, AutoresetMode.NEXT_STEP, DESCENT_ID, launch_noise=(0.1, 0.1))
-    env.reset(seed=8)
-    rng = np.random.default_rng(4)
-    for _ in range(5):
-        env.step(actions(rng, 3, DESCENT_ID))
-    twins = pickle.loads(pickle.dumps(env)), copy.deepcopy(env)
-    for _ in range(20):
-        action = actions(rng, 3, DESCENT_ID)
-        step = env.step(action)
-        assert all(equal(step, twin.step(action)) for twin in twins)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -8,7 +8,6 @@ import pytest
 
 from sledenv.command.cli import main
 from sledenv.identification.comparison import Comparison, compare, impact_models
-from sledenv.identification.law import ImpactModel
 from sledenv.identification.plausibility import read_rebounds
 from sledenv.identification.rebounds import Rebounds
 from sledenv.identification.report import plot_errors
@@ -39,15 +38,6 @@ def test_the_law_that_made_the_rebounds_wins_clearly(truth: dict, best: set[str]
     others = comparison.differences().drop(index=list(best | alike), errors="ignore")
     assert others["clear"].all()
     assert (others["low"] > 0.0).all()
-
-
-def test_laws_that_are_equal_do_not_differ_clearly() -> None:
-    """Without friction and rolling resistance the three hypotheses are one (docs/physics.md, section 4)."""
-    held = {"friction": 0.0, "rolling_arm": 0.0, "softening": 0.0}
-    models = {name: ImpactModel(name, held) for name in ("energetic", "poisson", "newton")}
-    comparison = compare(rebounds(2, 120, friction=0.0, rolling_arm=0.0), models=models, folds=4)
-    assert len(comparison.errors) == 120
-    assert not comparison.differences()["clear"].any()
 
 
 def test_errors_are_those_of_the_definition() -> None:

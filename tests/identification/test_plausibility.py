@@ -135,33 +135,11 @@ def test_another_zero_of_orientations_is_named_and_nothing_else(
     assert said(table.assign(phi_rad=table["phi_rad"] + offset + angle), body=body) == ""
 
 
-def test_the_least_of_the_zeros_that_a_body_cannot_tell_apart_is_named() -> None:
-    """A square looks alike from four sides: a half turn and 0.2 rad are 0.2 rad."""
-    square = sledenv.polygon(1.0, [(-0.1, -0.1), (0.1, -0.1), (0.1, 0.1), (-0.1, 0.1)])
-    table = by_phi(square)
-    found = said(table.assign(phi_rad=table["phi_rad"] + np.pi + 0.2), body=square)
-    assert "were larger by -0.2 rad (-11.5 degrees)" in found
-
-
 @pytest.mark.parametrize("body", [DISC, ECCENTRIC, SEGMENT, SKATE])
 def test_no_other_zero_is_named_of_sound_rebounds(body: sledenv.Body) -> None:
     """Of a disc nothing could tell it; of the others noise and rolling resistance must not."""
     for seed in range(3):
         assert other_zero(read_rebounds(by_phi(body, seed, 0.04), body)) is None
-
-
-@pytest.mark.parametrize("launches", [2, 3, 4])
-def test_no_other_zero_is_named_of_exact_rebounds_that_stop_to_turn(launches: int) -> None:
-    """Oracle: rolling resistance alone, of impacts in which the spin turns, is not explained by a balance of spins."""
-    body = sledenv.disc(2.0, 0.1, 0.02, 0.009)
-    law = ContactLaw.from_restitution(0.5, stiffness=5e6, friction=0.25, rolling_arm=0.001)
-    how = sledenv.Settings(solver="rigid", max_time=1.5)
-    begun = [(0.3, 2.0), (1.0, -3.0), (2.0, 1.0), (4.0, -2.0)][:launches]
-    states = [sledenv.State(0.0, 0.6, phi, 1.5, 0.0, omega) for phi, omega in begun]
-    table = sledenv.identification.recorded_rebounds(
-        [sledenv.simulate(body, law, sledenv.Slope(0.1), one, how) for one in states]
-    )
-    assert "zero" not in said(table[table["duration_s"] == 0.0], body=body)
 
 
 def test_lengths_of_a_body_in_mm_are_named() -> None:

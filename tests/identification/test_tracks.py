@@ -20,7 +20,7 @@ from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.shapes import polygon
 from tests.identification.drops import BODIES, NOISE, Drop, descent, drop, launch, track
 
-SEGMENT, DISC, SLED = BODIES
+_, DISC, SLED = BODIES
 LAW = ("restitution", "friction", "rolling_arm")
 # A drop whose two rebounds slip and turn to their end, so that they tell all of the law.
 PLAIN = Drop(
@@ -147,30 +147,6 @@ def test_a_body_with_any_outline_tells_its_law(body: Body, launched: State) -> N
     assert found.fit.problem.parameter("corner_rolling_arm").high == arm
 
 
-@pytest.mark.slow
-def test_a_descent_that_ends_at_rest_on_its_chord_is_explained() -> None:
-    law = ContactLaw.from_restitution(0.3, stiffness=1e6, friction=0.4, rolling_arm=0.002)
-    one = Drop(SLED, law, Slope(0.05), State(0.0, 0.2, math.pi - 0.3, 0.4, 0.0, 0.5))
-    truth = descent(one, 1.0)
-    assert truth.on_chord is not None
-    assert truth.status == "jammed"
-    found = identify_tracks(track(one, np.random.default_rng(9)), SLED, one.slope, fixed={"rolling_arm": 0.002})
-    assert found.used.loc["0", "whole"]
-    assert found.intervals["restitution"].low <= 0.3 <= found.intervals["restitution"].high
-
-
-@pytest.mark.slow
-def test_a_friction_that_no_rebound_reaches_has_no_upper_end() -> None:
-    """A disc without spin or slip: friction does nothing, so that every value in the bounds is as good."""
-    law = ContactLaw.from_restitution(0.6, stiffness=1e6, friction=0.3, rolling_arm=0.0)
-    one = Drop(segment(1.0, 0.1, 0.0, 0.005), law, Slope(0.0), State(0.0, 0.4, 0.0, 0.0, 0.0, 0.0))
-    table = track(one, np.random.default_rng(4), seconds=0.5)
-    found = identify_tracks(table, one.body, one.slope, fixed={"rolling_arm": 0.0})
-    assert found.intervals["friction"].high_on_bound
-    assert found.intervals["friction"].low <= 0.3
-    assert found.intervals["restitution"].low <= 0.6 <= found.intervals["restitution"].high
-
-
 def test_a_soft_contact_has_its_stiffness_told() -> None:
     law = PLAIN.law._replace(stiffness=2e4)
     one = PLAIN._replace(law=law)
@@ -278,22 +254,6 @@ def test_results_are_shown(plain: TrackFit, tmp_path) -> None:  # type: ignore[n
     assert np.diff(shown["t"]).max() < 0.0101  # or flights would be drawn as chords of their parabolas
     squares = plain.residuals["noise_levels"] ** 2
     assert squares.mean() == pytest.approx(3.0, rel=0.25)
-
-
-@pytest.mark.slow
-def test_short_contacts_are_no_rigid_ones() -> None:
-    """Oracle: docs/recordings.md on contacts of half a frame, as deep as the noise."""
-    law = ContactLaw.from_restitution(0.55, stiffness=1e7, friction=0.22, rolling_arm=0.003)
-    one = Drop(segment(4.0, 0.25, 0.05, 0.2175), law, Slope(math.radians(12.0)), State(0.0, 0.7, 0.0, 1.5, 0.0, 1.0))
-    table = track(one, np.random.default_rng(5), seconds=0.9, solver="compliant")
-    rigid, compliant = (identify_tracks(table, one.body, one.slope, solver=solver) for solver in ("rigid", "compliant"))
-    assert (rigid.used.loc["0", "rebounds"], compliant.used.loc["0", "rebounds"]) == (1, 3)
-    assert not covered(rigid, one)["restitution"]
-    assert "fit compliant surfaces" in rigid.warnings[-1]
-    assert all(covered(compliant, one).values())
-    interval = compliant.intervals["stiffness"]
-    assert interval.low <= 1e7 <= interval.high
-    assert compliant.warnings == []
 
 
 @pytest.mark.slow

@@ -91,23 +91,6 @@ def test_an_oblique_flight_is_that_of_an_integrator(area):
     assert end.omega == 3.0
 
 
-def test_what_the_air_takes_is_told_along_the_way_and_in_the_ledger():
-    """Oracle: the integral of drag times speed along the rows; the books close."""
-    body = sled().replace(drag_area=0.08)
-    slope = Slope(math.radians(8.0), 200.0, profile=[(5.0, 0.0), (8.0, 0.4), (12.0, 0.0), (30.0, -0.5)], rounding=4.0)
-    found = simulate(body, LAW._replace(friction=0.01), slope, State(0.0, 0.3, 0.0, 15.0), record="trajectory")
-    rows, energy = found.trajectory, found.energy
-    assert found.rebounds.size > 0
-    lost = rows["drag"]
-    assert (np.diff(lost) >= 0.0).all()
-    assert lost[-1] == energy.drag
-    speed, t = np.hypot(rows["u"], rows["v"]), rows["t"]
-    power = 0.5 * 1.2 * 0.08 * speed**3
-    assert energy.drag == EXACT(float(np.sum(0.5 * (power[1:] + power[:-1]) * np.diff(t))), rel=1e-3)
-    assert energy.drag > 100.0
-    assert abs(energy.residual) < 1e-11 * energy.turnover
-
-
 def test_each_row_tells_what_the_air_has_taken_so_far():
     """Oracle: the energy that is missing at each row of a long flight."""
     slope, launch = Slope(0.3, air_density=DENSITY), State(0.0, 300.0, 0.0, 25.0, 9.0)
@@ -163,10 +146,3 @@ def test_hops_one_after_the_other_are_the_whole_descent():
         pass
     assert hops.descent().outcome == whole.outcome
     assert whole.energy.drag > 0.0
-
-
-def test_what_is_no_area_or_density_is_refused():
-    with pytest.raises(ValueError, match=r"drag_area = -1.0: must be in \[0, inf\)"):
-        BALL.replace(drag_area=-1.0)
-    with pytest.raises(ValueError, match=r"Slope.air_density = nan"):
-        Slope(0.1, air_density=math.nan)

@@ -13,18 +13,12 @@ import pytest
 from numba import njit
 
 import sledenv
-from tests import audit_rows as rows
-from tests.audit import SLOW, audit, audited, look, of_rows, retell, survey
+from tests.audit import SLOW, audit, audited, look
 from tests.audit_geometry import (
     BX,
-    CREST,
-    OUTLINE,
-    ROUNDEST,
     SIDE,
-    clearance,
     deeper,
     ground_of,
-    height_at,
     measure_all,
     outline_of,
     touching_height,
@@ -90,16 +84,6 @@ def test_a_case_can_be_told_as_code() -> None:
         assert [told[name] for name in ("body", "law", "slope", "launch")] == list(case[1:])
     assert rough_case(5, 3) == rough_case(5, 3) != rough_case(5, 4)
     assert "sled, hills" in rough_case(5, 3, ground="hills", body="sled").name
-
-
-def test_what_is_found_is_printed(capsys: pytest.CaptureFixture[str]) -> None:
-    """Oracle: the words of the script."""
-    survey(range(3), 1, {"ground": "plane", "body": "disc"}, 100)
-    assert "of 3 descents have faults" in capsys.readouterr().out
-    retell(rough_case(1, 0, ground="plane", body="disc"), 100, 0)
-    told = capsys.readouterr().out
-    assert "body = Segment" in told
-    assert "row 0  t 0" in told
 
 
 # Faults that are planted.
@@ -240,29 +224,7 @@ def test_the_end_of_a_descent_is_audited() -> None:
     assert kinds(descent, state=sledenv.State.found([math.nan] * 6)) == {"not finite"}
 
 
-def explained(touching: tuple[int, int], before: float, now: float, depth: float) -> list[float]:
-    """Return how much deeper an outline is in the second of two rows than springs explain, and whether that counts."""
-    found, offsets = np.zeros((2, rows.COLUMNS)), np.full((2, rows.MOST), math.nan)
-    for row, pressed, deep in ((0, before, before), (1, now, depth)):
-        found[row, [OUTLINE, rows.PRESSED, rows.SPRINGS]] = deep, pressed, pressed
-    out = np.zeros((2, rows.ALLOWED))
-    contacts = np.zeros((2, rows.MOST, 6))
-    rows.explain(np.array([0.0, 1.0]), np.array(touching), contacts, found, offsets, 1e-9, np.array([0, 1]), out)
-    return [float(out[1, rows.TOO_DEEP]), float(out[1, rows.EXPLAINED])]
-
-
-def test_a_depth_is_explained_by_how_deep_springs_have_been_pressed() -> None:
-    """Oracle: springs pressed by 0.3 mm, then by 0.2 mm: 0.2 mm, 0.4 mm and 0.6 mm of depth."""
-    assert explained((2, 1), 3e-4, 2e-4, 2e-4) == pytest.approx([-3.06e-4, 0.0])
-    assert explained((2, 1), 3e-4, 2e-4, 4e-4) == pytest.approx([-1.06e-4, 1.0])
-    assert explained((2, 1), 3e-4, 2e-4, 6e-4) == pytest.approx([0.94e-4, 1.0])
-    assert explained((0, 1), 0.0, 2e-4, 4e-4) == pytest.approx([-0.04e-4, 1.0])
-
-
 # Geometry.
-
-LEVEL: Profile = [(0.0, 0.0), (1.0, 0.0)]
-DISC, ROD = sledenv.disc(2.0, 0.3), sledenv.rod(2.0, 1.0, 0.2)
 
 
 def measured(body: sledenv.Body, profile: Profile, pose: tuple[float, ...], radii: list[float] | None = None) -> Any:
@@ -270,70 +232,6 @@ def measured(body: sledenv.Body, profile: Profile, pose: tuple[float, ...], radi
     out = np.zeros((1, 3))
     measure_all(*outline_of(body), *ground_of(profile, radii), body.size, np.array([pose]), out)
     return out[0]
-
-
-def test_depths_of_simple_bodies_are_closed_forms() -> None:
-    """Oracle: a disc of 0.3 m and a rod of 1 m on level ground, on a crest, in a dip, on a round crest and dip."""
-    turn, sunk = 0.3, 0.01
-    roof = [(-5.0, -5.0 * math.tan(turn)), (0.0, 0.0), (5.0, -5.0 * math.tan(turn))]
-    valley = [(x, -y) for x, y in roof]
-    assert measured(DISC, LEVEL, (0.5, 0.3 - sunk, 1.0)) == pytest.approx([sunk, 0.0, sunk - 0.3])
-    assert measured(DISC, [], (0.5, 0.3 - sunk, 1.0)) == pytest.approx([sunk, 0.0, sunk - 0.3])
-    assert measured(DISC, LEVEL, (0.5, 0.31, 1.0)) == pytest.approx([0.0, 0.0, -0.31])
-    assert measured(ROD, LEVEL, (0.5, 0.1 - sunk, 0.0)) == pytest.approx([sunk, 0.0, sunk - 0.1])
-    assert measured(ROD, LEVEL, (0.5, 0.4, 0.5 * math.pi + 0.2))[0] == pytest.approx(0.4 * math.cos(0.2) - 0.3)
-    assert measured(DISC, roof, (0.0, 0.3 - sunk, 1.0))[CREST] == pytest.approx(sunk)
-    assert measured(ROD, roof, (0.2, 0.1 - sunk, 0.0))[CREST] == pytest.approx(sunk)
-    height = 0.3 / math.cos(turn)
-    assert measured(DISC, valley, (0.0, height - sunk, 0.0)) == pytest.approx(
-        [sunk * math.cos(turn), 0.0, (sunk - height) * math.cos(turn)]
-    )
-    up = 2.0 / math.cos(turn)  # of the centre of a bend of 2 m from its vertex
-    radii = [0.0, 2.0, 0.0]
-    for x in (0.0, 0.3):
-        y = math.sqrt((2.3 - sunk) ** 2 - x * x) - up
-        assert measured(DISC, roof, (x, y, 0.0), radii) == pytest.approx([sunk, sunk, sunk - 0.3])
-        y = up - math.sqrt((1.7 + sunk) ** 2 - x * x)
-        assert measured(DISC, valley, (x, y, 0.0), radii) == pytest.approx([sunk, 0.0, sunk - 0.3])
-
-
-@pytest.mark.parametrize("convex", [True, False])
-def test_a_contact_on_a_bend_is_understood(convex: bool) -> None:
-    """Oracle: a disc pressed by 0.1 mm into a round crest or dip of 2 m; on sharp ground it would touch nothing."""
-    turn, sunk, sign = 0.3, 1e-4, 1.0 if convex else -1.0
-    profile = [(-5.0, -5.0 * sign * math.tan(turn)), (0.0, 0.0), (5.0, -5.0 * sign * math.tan(turn))]
-    centre, away = -2.0 * sign / math.cos(turn), 2.0 + sign * (0.3 - sunk)
-    row = np.zeros(1, ride().trajectory.dtype)
-    nx = 0.1 * sign
-    ny = math.sqrt(1.0 - nx * nx)
-    row["x"], row["y"], row["touching"] = sign * away * nx, centre + sign * away * ny, 1
-    row["contacts"][0, 0] = 2.0 * sign * nx, centre + 2.0 * sign * ny, nx, ny, 1e6 * sunk, 0.0, 1, 3
-    row["normal"] = 1e6 * sunk
-    law, sharp = sledenv.ContactLaw(1e6, 0.0, 0.3, 0.0), sledenv.Slope(0.0, profile=profile)
-    slope = sledenv.Slope(0.0, profile=profile, rounding=[0.0, 2.0, 0.0])
-    descent = dataclasses.replace(ride(), body=DISC, law=law, slope=slope, trajectory=row)
-    of_contact = {"air", "under the ground", "outline", "normal", "spring", "depth", "pull"}
-    found = {fault.kind for fault in of_rows(descent, look(descent))}
-    assert found & of_contact == set()
-    descent = dataclasses.replace(descent, slope=sharp)
-    found = {fault.kind for fault in of_rows(descent, look(descent))}
-    assert found >= ({"normal", "under the ground"} if convex else {"normal", "air"})
-
-
-def test_a_bend_touches_both_pieces() -> None:
-    """Oracle: on a piece it ends R tan(turn/2) from its vertex, or 0.49 of the piece, and R from its centre."""
-    pieces, bends = ground_of([(0.0, 0.0), (2.0, 1.0), (3.0, 0.0), (3.5, 0.0)], [0.3, 0.5, 100.0, 2.0])
-    turns = [math.atan(0.5), math.atan(0.5) + 0.25 * math.pi, 0.25 * math.pi, 0.0]
-    cuts = [0.3 * math.tan(0.5 * turns[0]), 0.5 * math.tan(0.5 * turns[1]), ROUNDEST * 0.5, 0.0]
-    assert bends[:3, 2] == pytest.approx([0.3, 0.5, ROUNDEST * 0.5 / math.tan(0.5 * turns[2])])
-    for k in range(3):
-        for piece, s in ((pieces[k], pieces[k, 5]), (pieces[k + 1], pieces[k + 1, 4])):
-            point = piece[:2] + s * piece[2:4]
-            away = point - bends[k, :2]
-            assert np.hypot(*away) == pytest.approx(bends[k, 2])
-            assert away @ piece[2:4] == pytest.approx(0.0, abs=1e-12)
-            vertex = [(0.0, 0.0), (2.0, 1.0), (3.0, 0.0)][k]
-            assert np.hypot(*(point - vertex)) == pytest.approx(cuts[k])
 
 
 def outline_points(body: sledenv.Body, count: int) -> np.ndarray:
@@ -374,18 +272,3 @@ def test_depths_are_those_of_a_dense_outline(kind: str, count: int) -> None:
             assert dense - 1e-12 <= max(depth, crest), (number, sunk)
             assert depth <= dense + 0.5 * apart, (number, sunk)
             assert crest <= sunk + 1e-12
-
-
-def test_distances_from_the_ground_are_those_of_dense_points() -> None:
-    """Oracle: points of the graph of the ground, 0.1 mm apart."""
-    rng = np.random.default_rng(8)
-    for number in range(20):
-        profile = (hills, bumps, dips)[number % 3](rng)
-        ground = ground_of(profile, rng.choice([0.0, 0.1, 1.0, 10.0], len(profile)).tolist())
-        x, y = rng.uniform(0.0, 20.0), rng.uniform(-1.0, 1.0)
-        along = np.arange(x - 1.5, x + 1.5, 1e-4)
-        heights = np.array([height_at(*ground, one) for one in along])
-        distance = np.hypot(along - x, heights - y).min()
-        sign = 1.0 if y > height_at(*ground, x) else -1.0
-        if distance < 1.4:
-            assert clearance(*ground, x, y) == pytest.approx(sign * distance, abs=1e-6)

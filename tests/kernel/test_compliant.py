@@ -9,10 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
-from hypothesis import strategies as st
 
-from sledenv.closed_forms.wheel import collide_wheel
 from sledenv.kernel.records import Feature, Mode, Status
 from sledenv.simulation.bodies import Segment, segment
 from sledenv.simulation.outcomes import Descent
@@ -186,31 +183,6 @@ def test_published_impacts_come_out(case: str) -> None:
         assert [(one.slip, one.spin, one.restitution) for one in rigid.phases] == [(-1, -1, False), (-1, -1, True)]
 
 
-@given(
-    st.floats(0.05, 1.0),
-    st.floats(0.0, 1.5),
-    st.floats(0.0, 0.6),
-    st.floats(0.05, 1.0),
-    st.floats(-10.0, 10.0),
-    st.floats(-10.0, -0.1),
-    st.one_of(st.just(0.0), st.floats(-20.0, 20.0)),
-)
-def test_a_wheel_rebounds_as_the_completed_table_says(
-    inertia: float, friction: float, arm: float, restitution: float, u: float, v: float, omega: float
-) -> None:
-    """Oracle: closed_forms.wheel, held against exact rules in its own test; concentric: exact at any stiffness."""
-    expected = collide_wheel(2.0, inertia, 0.5, friction, arm, restitution, u, v, omega)
-    law = ContactLaw.from_restitution(restitution, stiffness=1e5, friction=friction, rolling_arm=arm)
-    row = struck(segment(2.0, 0.5, 0.0, inertia), law, 0.0, u, v, omega)
-    speed = abs(u) - v + abs(omega)
-    assert row["u_after"] == pytest.approx(expected.u, abs=1e-11 * speed)
-    assert row["omega_after"] == pytest.approx(expected.omega, abs=1e-11 * speed / inertia)
-    assert row["v_after"] == pytest.approx(-restitution * v, rel=1e-11)
-    name = Mode(row["mode"]).name.lower().replace("_", "-")
-    slip = row["u_after"] + 0.5 * row["omega_after"]
-    assert name == expected.scenario or min(map(abs, (row["u_after"], row["omega_after"], slip))) < 1e-9
-
-
 @pytest.mark.parametrize("stiffness", [1e5, 1e8, math.inf])
 def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: float) -> None:
     """Oracle: rolling from 0.185340 s at u = 0.454545, rest at 0.509684 s, x = 0.208507 (physics.md, section 9).
@@ -239,34 +211,3 @@ def test_a_sliding_disc_begins_to_roll_and_comes_to_rest_on_time(stiffness: floa
     assert descent.time == pytest.approx(rests_at, abs=1e-13)
     settling = 2.0 * f * g / (stiffness * (1.0 + law.asymmetry))
     assert descent.state.x == pytest.approx(distance + settling, abs=1e-13)
-
-
-margins = st.one_of(st.floats(0.1, 0.8), st.floats(1.25, 4.0))
-
-
-@given(st.floats(0.02, 0.6), margins, st.floats(-math.pi, math.pi), margins, st.booleans())
-def test_a_body_set_down_at_rest_stays_iff_friction_and_rolling_arm_hold_it(
-    angle: float, friction_margin: float, phi: float, arm_margin: float, downhill: bool
-) -> None:
-    """Oracle: tan beta <= f and |h sin(phi - beta) + r sin beta| <= delta cos beta, physics.md, section 6.
-
-    Within 100 contact periods, in which a body that is not held gathers speed: the normal force settles in half of one.
-    """
-    beta = angle if downhill else -angle
-    needed = abs(0.05 * math.sin(phi - beta) + 0.1 * math.sin(beta)) / math.cos(beta)
-    assume(needed > 1e-3)
-    friction, arm = friction_margin * math.tan(angle), arm_margin * needed
-    held = math.tan(angle) <= friction and needed <= arm
-    stiffness = 1e9
-    law = ContactLaw.from_restitution(0.4, stiffness=stiffness, friction=friction, rolling_arm=arm)
-    descent = exactly(
-        PAPER,
-        law,
-        Slope(beta),
-        State(0.0, support_height(PAPER, phi), phi),
-        max_time=100.0 * 2.0 * math.pi / math.sqrt(stiffness),
-    )
-    assert (descent.status == Status.JAMMED) == held
-    if held:
-        assert descent.state[3:] == (0.0, 0.0, 0.0)
-        assert abs(descent.state.x) < 1e-6

@@ -11,13 +11,11 @@ import pytest
 
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.shapes import rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import lowest_arms, support_height
 from tests.plane_cases import rock, segment, stone
 
-COUNT = 20
-PLASTIC = math.nextafter(1.0, 0.0)  # asymmetry of next to no restitution
+COUNT = 60
 LEVEL = Slope(0.0)
 
 
@@ -129,32 +127,6 @@ def test_impulses_and_losses_of_a_flat_landing_balance() -> None:
             sign * 0.5 * (body.mass * (u * u + v * v) + body.inertia * omega**2) for (u, v, omega), sign in speeds
         )
         assert sum(losses) == pytest.approx(lost, rel=0, abs=1e-12 * body.mass * speed**2)
-
-
-def test_a_side_that_is_nearly_flat_lands_as_one_that_is() -> None:
-    """Oracle: the flat landing; springs however stiff would feel both ends."""
-    for landing in random_landings(COUNT, 4, 0.5):
-        flat = rebound(landing)
-        for tilt in (1e-9, -1e-9):
-            phi = landing.launch.phi + tilt
-            launch = landing.launch._replace(y=support_height(landing.body, phi), phi=phi)
-            found = rebound(landing._replace(launch=launch))
-            assert landing.body.parts[found["feature"] - 1] == landing.side
-            assert difference(landing, found, flat) < 1e-6
-
-
-@pytest.mark.parametrize(("asymmetry", "speed"), [(PLASTIC, 2.0), pytest.param(0.5, 1e-6, id="slow")])
-def test_what_stops_a_body_that_stays_is_booked(asymmetry: float, speed: float) -> None:
-    """Oracle: momentum; all of the energy is lost to hysteresis."""
-    body, law = rod(2.0, 0.8, 0.1), ContactLaw(1.0, asymmetry, 0.5, 0.01)
-    launch = State(0.0, support_height(body, 0.0), 0.0, 0.0, -speed)
-    descent = simulate(body, law, LEVEL, launch, solver="rigid", max_time=1.0)
-    assert descent.status == "jammed"
-    assert descent.on_chord is not None
-    rows = descent.rebounds
-    assert set(rows["feature"].tolist()) == {1 + body.parts.index("bottom")}
-    assert rows["normal_impulse"].sum() == pytest.approx(body.mass * speed, rel=1e-6)
-    assert rows["loss_hysteresis"].sum() == pytest.approx(0.5 * body.mass * speed**2, rel=1e-6)
 
 
 def test_a_body_without_friction_may_lose_slip_and_spin_at_once() -> None:

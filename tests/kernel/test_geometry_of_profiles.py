@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
 from itertools import product
 
 import numpy as np
@@ -18,7 +17,6 @@ from tests.compiled import compiled
 from tests.engine import Spring, new_space, pieces_of, put, record_of, touch
 from tests.profiles import BODIES
 
-first_piece, heights_within = compiled(geometry.first_piece), compiled(geometry.heights_within)
 velocities = compiled(geometry.velocities)
 touching_place = compiled(geometry.touching_place)
 height_at, tangent_at = compiled(geometry.height_at), compiled(geometry.tangent_at)
@@ -41,24 +39,6 @@ def height(vertices: np.ndarray, x: float) -> float:
 
 
 # --- pieces ----------------------------------------------------------------------------------------------------------
-
-
-@given(profiles)
-def test_pieces_go_from_vertex_to_vertex(along: list[tuple[float, float]]) -> None:
-    """Oracle: numpy on the list of vertices; outside of them the plane goes on level."""
-    vertices = walk(along)
-    pieces = pieces_of(vertices)
-    tangents = np.vstack([[1.0, 0.0], np.diff(vertices, axis=0), [1.0, 0.0]])
-    lengths = np.hypot(*tangents.T)
-    tangents /= lengths[:, None]
-    np.testing.assert_allclose(np.c_[pieces["tx"], pieces["ty"]], tangents, atol=1e-15)
-    np.testing.assert_allclose(pieces["tilt"], np.arctan2(tangents[:, 1], tangents[:, 0]), atol=1e-15)
-    np.testing.assert_array_equal(np.c_[pieces["x"], pieces["y"]], vertices[np.r_[0, : len(vertices)]])
-    turns = tangents[:-1, 0] * tangents[1:, 1] - tangents[:-1, 1] * tangents[1:, 0]
-    np.testing.assert_array_equal(pieces["bend"][1:], np.where(turns < 0.0, 1, 0))
-    np.testing.assert_array_equal(np.c_[pieces["qx"], pieces["qy"]][1:], vertices)
-    np.testing.assert_array_equal(pieces["low"], [-math.inf, *[0.0] * len(vertices)])
-    np.testing.assert_allclose(pieces["high"], [0.0, *lengths[1:-1], math.inf], rtol=1e-14)
 
 
 def turns_of(pieces: np.ndarray) -> np.ndarray:
@@ -110,26 +90,6 @@ def test_heights_and_tangents_are_those_of_pieces_and_circles(
             tx, ty = tangent_at(pieces, x)
             rate = (height_at(pieces, x + 1e-7) - height_at(pieces, x - 1e-7)) / 2e-7
             assert (ty / tx, math.hypot(tx, ty)) == (pytest.approx(rate, abs=1e-5), pytest.approx(1.0, rel=1e-12))
-
-
-@given(profiles, st.floats(-3.0, 15.0), st.integers(0, 11))
-def test_the_piece_over_which_a_place_lies(along: list[tuple[float, float]], x: float, at: int) -> None:
-    """Oracle: bisect; a vertex belongs to the piece that begins there."""
-    vertices = walk(along)
-    pieces = pieces_of(vertices)
-    for place_ in (x, vertices[at % len(vertices), 0]):
-        expected = bisect_right(vertices[:, 0].tolist(), place_)
-        assert max(first_piece(pieces, place_), 1) == max(expected, 1)  # the first two begin at the same vertex
-
-
-@given(profiles, st.floats(-3.0, 15.0), st.floats(0.0, 4.0))
-def test_the_lowest_and_highest_ground_near_a_place(along: list[tuple[float, float]], x: float, reach: float) -> None:
-    """Oracle: numpy's interpolation, at the ends and at the vertices between."""
-    vertices = walk(along)
-    inside = vertices[(vertices[:, 0] > x - reach) & (vertices[:, 0] < x + reach), 1]
-    heights = [height(vertices, x - reach), height(vertices, x + reach), *inside]
-    expected = (min(heights), max(heights))
-    assert heights_within(pieces_of(vertices), x, reach) == pytest.approx(expected, abs=1e-12)
 
 
 # --- contacts --------------------------------------------------------------------------------------------------------

@@ -144,38 +144,6 @@ def check_laws(scene: Scene, space: Any) -> None:
         assert abs(moment - load) <= slack
 
 
-# --- one contact -----------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("angle", [0.0, 0.1, 0.4])
-@pytest.mark.parametrize("speed", [0.0, 1.0])
-def test_a_touch_without_depth_has_no_force_yet(angle: float, speed: float) -> None:
-    """Oracle: free fall; a slip that is zero leaves down the slope."""
-    spring = Spring(depth=0.0, friction=0.5)
-    scene = Scene(PLANE, incline(angle), (0.0, 0.3, 0.2), (0.0, -speed, 0.0), [(ARC_PIECE, 1, 0)], [spring], (1,))
-    space = prepared(scene)
-    space["motion"]["u"] = space["motion"]["omega"] = 0.0
-    space["motion"]["v"] = -speed
-    space["contacts"]["at"][0]["gap_rate"], space["contacts"]["at"][0]["slip"] = -speed, 0.0
-    assert not choose(BLOCK, PLANE, scene.slope, space)
-    same_acceleration(chosen(space), free(scene), 10.0)
-    if angle > 0.0:
-        assert space["contacts"]["at"][0]["slip_sign"] == 1
-
-
-@pytest.mark.parametrize("zeros", [(), (0,), (1,), (-1,), (0, 1, -1)])
-def test_where_e_is_one_and_nothing_rubs_there_is_nothing_to_choose(zeros: tuple[int, ...]) -> None:
-    """Oracle: every force has one value whatever its velocity, so that nothing is held or watched, not even at rest."""
-    spring = Spring(1e-2, 3e4, 3e4, 0.0, 0.0)
-    scene = Scene(PLANE, incline(0.1), (0.0, 0.3, 0.2), (0.3, -0.5, 0.2), [(ARC_PIECE, 1, 0)], [spring], zeros)
-    space = prepared(scene)
-    assert not choose(BLOCK, PLANE, scene.slope, space)
-    contact = space["contacts"]["at"][0]
-    assert space["choice"]["zeros"] == 0
-    assert contact["gap_sign"] != 0
-    assert contact["gap_still"] == contact["slip_still"] == space["contacts"]["spin_still"] == 0
-
-
 # --- contacts at random ----------------------------------------------------------------------------------------------
 
 
@@ -357,18 +325,3 @@ def test_forces_at_their_bounds_hold_whatever_way_they_are_rounded() -> None:
         assert choose(BLOCK, PLANE, slope, space)
         contact["friction"] *= 0.999
         assert not choose(BLOCK, PLANE, slope, space)
-
-
-def test_locks_that_friction_makes_singular_do_not_hold() -> None:
-    """Oracle: the same programme. With a friction of 0.5 the force of one contact does not change its own gap."""
-    each = [
-        Spring(2.0**-8, 3e4, 2e3, 0.0, 0.0),
-        Spring(2.0**-6, 3e4, 2e3, 0.0, 0.0),
-        Spring(2.0**-6, 3e4, 2e3, 0.5, 0.0),
-    ]
-    laid = Scene(ROOF, incline(0.0), (0.3, 0.8, 0.0), STILL, UNDER_A_SIDE, each, (0, 1, 2, 3, 4, 5, -1))
-    assert not choose(BLOCK, ROOF, laid.slope, prepared(laid))
-    assert margin(laid, prepared(laid)) > 1.0 + 1e-6
-
-
-# --- mirror images ---------------------------------------------------------------------------------------------------

@@ -85,21 +85,6 @@ def test_a_block_slides_on_its_ends_from_zone_to_zone(width: float, offset: floa
 
 
 @SOLVERS
-def test_a_block_slides_uphill_into_a_zone_and_back_out_of_it(solver: Solver) -> None:
-    """Oracle: constant accelerations up to where it turns round in the zone, and from there on."""
-    body, angle, zones = block(0.4, 0.2), 0.4, [sledenv.Zone(-9.0, -1.0, 0.2, 0.0)]
-    slope, sliding = sledenv.Slope(angle, 0.5, GRAVITY, zones), Block(0.2, 0.2, 0.1, angle, zones)
-    descent = sledenv.simulate(body, LAW, slope, laid(body, 0.0, -5.0), solver=solver)
-    rising, top, _ = sliding.slid(0.0, 5.0, -9.0)
-    falling, _, speed = sliding.slid(top, 0.0, 0.5)
-    assert top < -1.2
-    near = 1e-12 if solver == "rigid" else 1e-6
-    assert str(descent.status) == "finish"
-    assert descent.time == pytest.approx(rising + falling, rel=near)
-    assert descent.state.u == pytest.approx(speed, rel=near)
-
-
-@SOLVERS
 @pytest.mark.parametrize("friction", [0.25, 0.7])
 def test_a_block_comes_to_rest_where_a_zone_holds_it(friction: float, solver: Solver) -> None:
     """Oracle: it stops with one end in the zone or with both, and stays, as both their frictions hold it there."""
@@ -122,10 +107,6 @@ BODIES = {
 SNOW = sledenv.ContactLaw(1e6, 0.4, 0.2, 0.004, 0.002)
 
 
-def dropped(body: sledenv.Body, phi: float = 0.2, u: float = 5.0, omega: float = 1.0) -> sledenv.State:
-    return sledenv.State(0.0, support_height(body, phi) + 0.3, phi, u, -1.0, omega)
-
-
 @SOLVERS
 @pytest.mark.parametrize("name", BODIES)
 def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -> None:
@@ -146,26 +127,3 @@ def test_zones_that_are_like_the_law_change_nothing(name: str, solver: Solver) -
         other = sledenv.simulate(body, SNOW, slope._replace(zones=far), launch, **options)
         same_bits(one.outcome, other.outcome)
         same_bits(one.rebounds, other.rebounds)
-
-
-BOX = sledenv.polygon(2.0, [(0.2, -0.1), (-0.2, -0.1), (-0.2, 0.1), (0.2, 0.1)])
-SMOOTH = sledenv.ContactLaw(1e8, 0.6, 0.0, 0.0)
-SHIFTS = np.random.default_rng(11).uniform(0.1, 3.0, 12).tolist()
-
-
-@SOLVERS
-@pytest.mark.parametrize("friction", [0.4, 2.5])
-def test_a_block_that_slides_off_ice_does_the_same_wherever_the_ice_ends(friction: float, solver: Solver) -> None:
-    """Oracle: the slope looks the same everywhere. At f = 2.5 the block tips over the end ahead: f > l/b = 2."""
-    length = 0.2  # [m] of the block ahead of its mass centre
-    given: dict[str, Any] = {"solver": solver, "max_time": 1.3, "record": "trajectory"}
-    ends = []
-    for shift in [0.0, *SHIFTS]:
-        zone = sledenv.Zone(1.0 + length + shift, math.inf, friction, 0.0)
-        launch = sledenv.State(shift, support_height(BOX, 0.0), 0.0, 1.0)
-        descent = sledenv.simulate(BOX, SMOOTH, sledenv.Slope(0.1, zones=[zone]), launch, **given)
-        assert str(descent.status) in ("timeout", "jammed")
-        assert abs(descent.energy.residual) <= 1e-12 * descent.energy.turnover
-        assert (np.abs(descent.trajectory["phi"]).max() > 1e-3) == (friction > 2.0)
-        ends.append((descent.state.x - shift, *descent.state[1:]))
-    np.testing.assert_allclose(ends, np.tile(ends[0], (len(ends), 1)), rtol=0.0, atol=1e-6)

@@ -93,16 +93,3 @@ def place_of(page: Browser, x: float, y: float) -> tuple[float, float]:
 def told_launch(page: Browser) -> dict[str, float]:
     launch: dict[str, float] = json.loads(page.run("return JSON.stringify(launchOf())"))
     return launch
-
-
-def pace(descent: Descent) -> tuple[np.ndarray, np.ndarray]:
-    """Return times in the film of a page and in its descent [s].
-
-    Impacts are held: for 0.6 s where they change the velocity by 0.5 m/s or more, in proportion where by less.
-    """
-    log = descent.rebounds
-    touches = np.stack([log["t_touchdown"], log["t"]], axis=-1).ravel()
-    times = np.concatenate([[0.0], touches, [descent.time]])
-    steps = np.diff(times)
-    steps[1::2] = np.maximum(steps[1::2], 0.6 * np.clip(log["normal_impulse"] / (0.5 * descent.body.mass), 0.0, 1.0))
-    return np.append(0.0, np.cumsum(steps)), times

@@ -15,8 +15,6 @@ from sledenv.identification.plausibility import read_rebounds
 from sledenv.identification.recordings import recordings_of
 from sledenv.pages.columns import (
     CONTACT_COLUMNS,
-    REBOUND_COLUMNS,
-    TRAJECTORY_COLUMNS,
     rebound_columns,
     trajectory_columns,
 )
@@ -35,17 +33,6 @@ def given() -> tuple:  # type: ignore[type-arg]
 
 def descent(solver: Solver = "rigid") -> Descent:
     return simulate(*given(), solver=solver, max_time=1.0, record="trajectory")
-
-
-def test_columns_hold_the_fields_that_they_are_named_after() -> None:
-    one = descent()
-    for columns, rows, names in (
-        (trajectory_columns(one), one.trajectory, TRAJECTORY_COLUMNS),
-        (rebound_columns(one), one.rebounds, REBOUND_COLUMNS),
-    ):
-        for field, name in names.items():
-            if field not in ("feature", "ground", "mode"):
-                assert columns[name] == rows[field].tolist()
 
 
 def test_each_contact_of_a_trajectory_has_its_columns() -> None:

@@ -5,15 +5,10 @@ from __future__ import annotations
 import re
 from html import unescape
 from pathlib import Path
-from typing import Any
-
-import pytest
 
 from sledenv import ContactLaw, Slope, State, simulate, sled
-from sledenv.identification.rebound_fit import Identification
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.words import story
-from sledenv.uncertainty.result import StudyResult
 from tests.browser import Browser, data_of, wait_until
 
 
@@ -40,11 +35,3 @@ def test_the_frame_of_a_notebook_replays(chromium: Browser, tmp_path: Path) -> N
     wait_until(chromium, f"{inside}.querySelectorAll('#rebounds tbody tr').length > 1")
     wait_until(chromium, f"{inside}.querySelector('#python').textContent")
     assert chromium.log() == []
-
-
-@pytest.mark.parametrize(("kind", "words"), [(Identification, "__str__"), (StudyResult, "words")])
-def test_other_results_show_their_words_with_signs_of_html_escaped(
-    kind: Any, words: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(kind, words, (lambda self: "a < b") if words == "__str__" else "a < b")
-    assert object.__new__(kind)._repr_html_() == "<pre>a &lt; b</pre>"

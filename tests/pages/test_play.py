@@ -20,15 +20,14 @@ from sledenv.bodies import Arc
 from sledenv.pages.kernel import KERNEL
 from sledenv.pages.play import Mark, Played, play_page
 from sledenv.scenarios.scenario import Context, Scenario, load_scenario, scenario_names
-from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.scene import ContactLaw, Slope, State
 from sledenv.simulation.simulate import simulate, simulate_batch
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
-from tests.browser import Browser, assert_needs_nothing, at_speed, data_of, wait_until
+from tests.browser import Browser, assert_needs_nothing, data_of, wait_until
 from tests.own_scenarios import own_scenario
-from tests.pages.shown import assert_same, numbers, pace, problem, put, run_lines, told_launch, visit, written
+from tests.pages.shown import assert_same, numbers, problem, put, run_lines, told_launch, visit, written
 
 DEGREE: Final = math.pi / 180.0
 
@@ -67,22 +66,6 @@ def test_a_page_holds_the_kernel_and_what_its_bodies_are_made_of(name: str) -> N
         assert body["parts"] == list(made.parts)
 
 
-def test_every_body_that_a_menu_adds_is_fit_for_sharp_vertices() -> None:
-    bodies = json.loads(data_of(page_of("sled_snow"))["exact"])["bodies"]
-    assert [one["sharp"] for one in bodies[1:]] == [False] * 4
-
-
-def test_ranges_hold_what_the_page_begins_with() -> None:
-    scenario, context = drawn("sled_snow")
-    page = play_page(scenario, [Played("drawn", context._replace(speed=55.0, drop=7.0))])
-    exact = json.loads(data_of(page)["exact"])
-    values = exact["contexts"][0]["values"]
-    assert values["speed"] == 55.0
-    for one in exact["parameters"]:
-        if one["name"] in values:
-            assert one["low"] <= values[one["name"]] / one["factor"] <= float(one["high"])  # "Infinity"
-
-
 def test_a_page_needs_a_context() -> None:
     with pytest.raises(ValueError, match="contexts is empty"):
         play_page(load_scenario("sled_mat"), [])
@@ -101,18 +84,6 @@ def page(chromium: Browser, file: Path) -> Iterator[Browser]:
     visit(chromium, file)
     yield chromium
     assert chromium.log() == []  # no error, and no request that the page's policy refused
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-@pytest.mark.parametrize("name", ["sled_snow", *map(own_scenario, ("boulders", "brake_mat", "ice_drop", "measured"))])
-def test_a_page_opens_with_the_descent_of_python(chromium: Browser, tmp_path: Path, name: str, solver: Any) -> None:
-    """Oracle: ``simulate``, bit for bit."""
-    visit(chromium, written(tmp_path, page_of(name, solver)))
-    assert_same(chromium, in_python(*drawn(name), solver))
-    assert problem(chromium) == ""
-    loaded = chromium.run("return performance.getEntriesByType('resource').map(one => one.name)")
-    assert all(name.startswith("blob:") for name in loaded)
-    assert chromium.log() == []
 
 
 def test_what_is_typed_is_simulated_and_a_link_keeps_it(page: Browser, file: Path) -> None:
@@ -174,18 +145,6 @@ def test_all_that_is_wrong_with_an_address_is_told_and_the_rest_is_simulated(
     assert_same(page, in_python(*drawn("sled_snow")))
 
 
-def test_the_film_holds_impacts_and_ends_with_the_descent(page: Browser) -> None:
-    """Oracle: 0.6 s for an impact that adds 0.5 m/s, in proportion less; the rows that figures draw."""
-    descent = in_python(*drawn("sled_snow"))
-    film, time = page.run("return [shown.film.film, shown.film.time]")
-    assert [film, time] == [pytest.approx(found, abs=1e-12) for found in pace(descent)]
-    assert page.run("return shown.rows.t.length") == len(drawable_rows(descent))
-    at_speed(page, 1000)
-    page.click("#play")
-    wait_until(page, "$('play').textContent === 'Play' && position > 0")
-    assert float(page.text("#time").removesuffix(" s")) == pytest.approx(descent.time, abs=1e-4)
-
-
 @pytest.mark.parametrize(
     ("what", "kind", "changed"),
     [
@@ -209,17 +168,6 @@ def test_the_launch_is_dragged_and_the_picture_keeps_its_size(
     assert signs == changed
     assert page.run(size) == before
     assert float(run_lines(page)[1]) == numbers(page, "shown.jam")["reward"]
-
-
-def test_the_ledger_is_that_of_the_descent(page: Browser) -> None:
-    """Oracle: the ledger of ``simulate``."""
-    energy = in_python(*drawn("sled_snow")).energy
-    ledger = page.text("#ledger").replace("\N{MINUS SIGN}", "-")
-    for value in (energy.kinetic, energy.stored, energy.hysteresis, energy.sliding, energy.initial - energy.potential):
-        assert f"{value:.2f} J" in ledger
-    widths = page.run("return [...document.querySelectorAll('.bar i')].map(one => parseFloat(one.style.width))")
-    assert sum(widths) == pytest.approx(100.0, abs=0.1)
-    assert f"{energy.residual:.1e}".partition("e")[0] in ledger
 
 
 # The map.

@@ -164,17 +164,6 @@ def test_a_link_holds_the_slope_and_a_flight_can_be_taken_back(page: Browser) ->
     assert page.text("#go") == "Start"
 
 
-@pytest.mark.parametrize(("width", "height"), [(1280, 720), (390, 740)])
-def test_picture_controls_and_scores_fit_a_screen_and_the_sled_is_large(page: Browser, width: int, height: int) -> None:
-    page.screen(width, height)
-    page.must_be_readable(width)
-    scores = page.run("return [...document.querySelectorAll('.how')].map(one => one.getBoundingClientRect().bottom)")
-    assert max(scores) <= height
-    share = "return ['rider-0', 'scene'].map(name => $(name).getBoundingClientRect().width)"
-    sled, picture = page.run(share)
-    assert sled > picture / 8.0
-
-
 def test_a_track_is_chosen_by_its_title(chromium: Browser, tmp_path: Path) -> None:
     """Oracle: titles and descriptions of the tracks; ``Ride`` on the one that is chosen, bit for bit."""
     scenario, context = drawn("sled_rollers", SEEDS[0])

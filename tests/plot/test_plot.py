@@ -8,7 +8,6 @@ import math
 import os
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -26,13 +25,12 @@ from sledenv.plot.style import plain
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.interpolation import drawable_rows, states_at
 from sledenv.simulation.outcomes import Descent
-from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.shapes import rod as round_rod
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
-from tests.bodies import DISC, HILL, ICE, MAT, POINT, ROD, SLED, UGLY, rod, run
+from tests.bodies import DISC, HILL, ICE, MAT, ROD, SLED, run
 from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, SETTINGS, descent_of
 
 SEGMENT = circular_segment(100.0, 0.6, math.radians(70.0))
@@ -104,41 +102,6 @@ def test_an_outline_is_convex_and_touches_where_the_kernel_says(body: Body) -> N
     assert body.size == pytest.approx(np.hypot(*(points - (3.0, 1.0)).T).max(), rel=1e-5)
 
 
-def test_an_outline_has_few_points_where_few_will_do() -> None:
-    """Oracle: a polygon has its corners and the first one again, a point itself; a flat arc bulges as a circle does."""
-    assert len(shapes.body_outline(CRATE, 0.0, 0.0, 0.0)) == len(CRATE.arcs) + 1
-    assert len(shapes.body_outline(RIDER, 0.0, 0.0, 0.0)) < 64
-    assert len(shapes.body_outline(LINE, 0.0, 0.0, 0.0)) == 3
-    assert shapes.body_outline(Body(1.0, 1.0, [Arc(0.0, 0.0, 0.0, 0.0)]), 1.0, 2.0, 0.5).tolist() == 2 * [[1.0, 2.0]]
-    assert shapes.body_outline(POINT, 1.0, 2.0, math.pi / 2, 3) == pytest.approx(np.array(4 * [(1.0, 2.0)]))
-
-
-@pytest.mark.parametrize("half_angle", [0.3, 1.2, 1.9, math.pi])
-def test_a_spoke_lies_within_its_body(half_angle: float) -> None:
-    """Oracle: a segment is convex: its spoke begins inside the outline, or on it, and ends at the mass centre."""
-    body = circular_segment(1.0, 0.4, half_angle)
-    begin, end = shapes.spoke(body, 3.0, 2.0, 0.7)
-    assert end.tolist() == [3.0, 2.0]
-    points = shapes.body_outline(body, 3.0, 2.0, 0.7, 2001)
-    edges, out = np.diff(points, axis=0), begin - points[:-1]
-    assert (edges[:, 0] * out[:, 1] - edges[:, 1] * out[:, 0]).min() > -1e-9
-
-
-def test_other_spokes_begin_at_the_middle_of_the_body() -> None:
-    """Oracle: the centroid of the outline; a uniform body has it at its mass centre, a line in its middle."""
-    begin, end = shapes.spoke(RIDER, 3.0, 2.0, 0.7)
-    assert end.tolist() == [3.0, 2.0]
-    assert begin == pytest.approx(shoelace(shapes.body_outline(RIDER, 3.0, 2.0, 0.7, 2001))[1], abs=1e-5)
-    for body in (BOULDER, LINE):
-        assert shapes.spoke(body, 3.0, 2.0, 0.7) == pytest.approx(np.array([(3.0, 2.0), (3.0, 2.0)]))
-
-
-def test_the_heavy_side_of_a_segment_holds_the_mass_centre() -> None:
-    _, centroid = shoelace(shapes.heavy_side(DISC, 2.0, 1.0, 0.8))
-    centre = np.array(shapes.arc_centre(DISC, 2.0, 1.0, 0.8))
-    assert np.dot(centroid - centre, np.array([2.0, 1.0]) - centre) > 0.0
-
-
 @pytest.mark.parametrize("name", OTHERS)
 def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
     """Oracle: what both sides of the line through the mass centre have together; the line turns with the body."""
@@ -154,15 +117,6 @@ def test_what_is_below_the_mass_centre_at_phi_0_is_darker(name: str) -> None:
         within = matplotlib.path.Path(whole - centre).contains_points(grid)
         share = (within & (grid @ up < 0.0)).sum() / within.sum()
         assert shoelace(lower)[0] / shoelace(whole)[0] == pytest.approx(share, abs=0.01)
-
-
-def test_the_lower_part_of_a_body_that_lies_on_its_mass_centre_is_its_foot() -> None:
-    """Oracle: by hand, a side and a corner."""
-    body = polygon(1.0, [(-1.0, 0.0), (1.0, 0.0), (0.0, 1.0)], inertia=1.0, centre=(0.2, 0.0))
-    foot = shapes.heavy_side(body, 0.0, 0.0, 0.0)
-    assert sorted(map(tuple, foot[:-1].tolist())) == [(-1.2, 0.0), (0.8, 0.0)]
-    tip = polygon(1.0, [(0.0, 0.0), (1.0, 1.0), (-1.0, 1.0)], inertia=1.0, centre=(0.0, 0.0))
-    assert shapes.heavy_side(tip, 0.0, 0.0, 0.0) == pytest.approx(np.zeros((2, 2)))
 
 
 def test_the_slope_descends_to_the_right_in_the_world() -> None:
@@ -190,14 +144,6 @@ def test_states_between_sparse_rows_follow_the_parabola() -> None:
         assert state[3:] == pytest.approx([rebound[f"{name}_{when}"] for name in ("u", "v", "omega")])
 
 
-def test_states_at_the_rows_are_the_rows(slides: Descent) -> None:
-    """Oracle: the rows themselves; outside of them the nearest one."""
-    rows = slides.trajectory
-    states = states_at(rows, rows["t"])
-    assert states == pytest.approx(np.stack([rows[name] for name in State._fields], axis=-1))
-    assert states_at(rows, [-1.0, 1e9]) == pytest.approx(states[[0, -1]])
-
-
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])
 @pytest.mark.parametrize("name", SETTINGS)
 def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, solver: str) -> None:
@@ -208,30 +154,12 @@ def test_contacts_of_any_body_begin_where_the_descent_recorded_it(name: str, sol
     assert begins == pytest.approx(descent.rebounds["x_contact"], abs=1e-6)
 
 
-def test_contacts_are_told_up_to_a_time(slides: Descent) -> None:
-    """Oracle: the paths of the whole descent."""
-    second = slides.rebounds[1]
-    middle = float(second["t"] - 0.5 * second["duration"])
-    paths, whole = shapes.contact_paths(slides, middle), shapes.contact_paths(slides)
-    assert len(paths) == 2
-    assert paths[0] == pytest.approx(whole[0])
-    assert whole[1][0, 0] <= paths[1][-1, 0] <= whole[1][-1, 0]
-    assert shapes.contact_paths(slides, 0.0) == []
-
-
 def test_a_strobe_is_regular_in_time_and_leaves_out_a_sled_at_rest(slides: Descent, jams: Descent) -> None:
     moving = shapes.strobe_times(SEGMENT, slides.trajectory, 0.2)
     assert moving[-1] == slides.time
     assert np.isin(moving, np.append(np.arange(0.0, slides.time, 0.2), slides.time)).all()
     assert len(moving) > 5
     assert len(shapes.strobe_times(DISC, jams.trajectory, jams.time / 1000.0)) < 60
-
-
-def test_rows_that_overflowed_are_not_drawn(slides: Descent) -> None:
-    trajectory = slides.trajectory.copy()
-    trajectory["x"][5], trajectory["u"][7], trajectory["y"][9] = math.nan, math.inf, 1e300
-    assert len(drawable_rows(replace(slides, trajectory=trajectory))) == len(trajectory) - 3
-    assert np.isfinite(states_at(drawable_rows(replace(slides, trajectory=trajectory[5:6])), [0.0])).all()
 
 
 def test_a_strobe_figure_has_a_titled_panel_a_descent_to_one_scale(slides: Descent, jams: Descent) -> None:
@@ -289,14 +217,6 @@ def test_the_moment_of_an_impact_turns_the_body(impact: Descent) -> None:
     assert figure.axes[2].get_xlabel() == "time [ms]"
 
 
-def test_an_impact_figure_keeps_to_its_interval(slides: Descent) -> None:
-    """Oracle: duration and impulse of the rebound."""
-    first = slides.rebounds[0]
-    t, force = curve(plot.plot_impact(slides, float(first["t"] - first["duration"]), float(first["t"])), 0)
-    assert np.ptp(t) == pytest.approx(1e3 * first["duration"], rel=1e-6)
-    assert np.trapezoid(force, 1e-3 * t) == pytest.approx(first["normal_impulse"], rel=0.1)
-
-
 @pytest.mark.parametrize("name", ["slides", "jams", "impact", "lands_flat", "rigid"])
 def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: pytest.FixtureRequest) -> None:
     """Oracle: conservation; kinetic, potential, stored and lost energy come from different columns; the ledger."""
@@ -312,12 +232,6 @@ def test_the_energy_layers_of_a_descent_add_up_at_all_times(name: str, request: 
     for kind in ("hysteresis", "sliding", "rolling"):
         assert layers[f"lost by {kind}"][-1] == pytest.approx(getattr(descent.energy, kind), abs=1e-12)
         assert (np.diff(layers[f"lost by {kind}"]) >= -1e-9).all()
-
-
-def test_a_velocity_that_is_zero_but_for_rounding_is_drawn_as_a_straight_line(lands_flat: Descent) -> None:
-    low, high = plot.plot_descent(lands_flat).axes[2].get_ylim()
-    assert (low, high) == pytest.approx((-high, high))
-    assert high > 1e6 * np.abs(lands_flat.trajectory["omega"]).max()
 
 
 def test_the_forces_on_a_block_that_slides_flat_do_not_turn_it() -> None:
@@ -372,15 +286,6 @@ def test_the_path_in_the_impulse_plane_ends_with_the_impulses_and_stays_in_the_c
     assert seen == {-1, 0, 1}
 
 
-def test_an_impulse_plane_names_what_happens() -> None:
-    """Oracle: the impact of docs/physics.md, section 4.4, in which the slip of a rod stops and it sticks."""
-    body, law = rod(1.0, 0.5, 1.0 / 12.0), ContactLaw(1e6, 0.0, 0.8, 0.0)
-    figure = plot.plot_impulse_plane(body, law, State(0.0, 0.0, math.pi / 4, 0.5, -1.0, 0.0))
-    assert in_the_plane(figure)[1] == pytest.approx([1.0 / 7.0, -0.8 / 7.0])
-    events = [text.get_text() for text in figure.axes[0].get_legend().get_texts()]
-    assert events == ["sliding stops", "compression ends", "separation"]
-
-
 def test_slip_and_stick_are_shaded_where_they_are(jams: Descent) -> None:
     """Oracle: the trajectory: the sign of slip is 0 where the body sticks, and F = -f N sgn(v_t) elsewhere."""
     figure = plot.plot_slip(jams)
@@ -410,12 +315,6 @@ def test_friction_is_used_up_where_a_block_slides_into_a_zone_and_out_of_it(solv
         assert np.count_nonzero(~np.isnan(used)) > 50
 
 
-def test_velocities_are_numbered_as_the_paper_only_when_asked(slides: Descent) -> None:
-    titles = [[ax.get_title("left") for ax in plot.plot_velocities(slides, paper=p).axes] for p in (False, True)]
-    assert titles[0][0] == "vertical velocity, upwards"
-    assert titles[1] == [f"Fig. {12 + i}: {title}" for i, title in enumerate(titles[0])]
-
-
 def test_text_is_drawn_as_it_stands(slides: Descent) -> None:
     """Oracles: two dollars are no formula, matplotlib's own parser; figures with LaTeX in the settings, as without."""
     notes = {"a $ b $ c": r"a \$ b \$ c", "$x$": r"\$x\$", "one $": r"one \$", "none": "none"}
@@ -437,35 +336,6 @@ def test_text_is_drawn_as_it_stands(slides: Descent) -> None:
             assert (one == other).all()
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        *("no time passed", "jammed at launch", "overflow", "point"),
-        *(pytest.param(name, marks=pytest.mark.slow) for name in ("no end", "far away", "uphill", "rod")),
-    ],
-)
-def test_ugly_descents_are_drawn(name: str) -> None:
-    """Oracle: none but that matplotlib raises nothing."""
-    body, law, slope, launch, options = UGLY[name]
-    descent = run(body, law, slope, launch, **options)
-    figures = [plot.plot_strobe(descent), plot.plot_descent(descent)]
-    figures += [plot.plot_slip(descent)] if len(descent.rebounds) > 0 else []
-    for figure in figures:
-        figure.savefig(io.BytesIO(), dpi=40)
-
-
-@pytest.mark.parametrize("name", ["line", pytest.param("rider", marks=pytest.mark.slow)])
-def test_poses_have_the_outline_of_the_body(name: str) -> None:
-    """Oracle: the distances between its corners."""
-    descent = descent_of(name, "rigid")
-    poses = plot.plot_strobe(descent).axes[0].collections[1].get_paths()
-    points = shapes.body_outline(descent.body, 0.0, 0.0, 0.0)
-    assert len(poses) > 5
-    for path in poses:
-        drawn = np.asarray(path.vertices)[: len(points)]
-        assert np.hypot(*np.diff(drawn, axis=0).T) == pytest.approx(np.hypot(*np.diff(points, axis=0).T), abs=1e-9)
-
-
 def test_growth_is_drawn_over_the_rebounds() -> None:
     """Oracle: the singular values and distances of the result, the latter in its natural units."""
     body = segment(1.0, 0.1, 0.05, 7.5e-3)
@@ -480,15 +350,6 @@ def test_growth_is_drawn_over_the_rebounds() -> None:
     distances[np.isinf(distances)] = np.nan
     assert drawn["u"] == pytest.approx(distances / found.units[3], nan_ok=True)
     figure.savefig(io.BytesIO(), dpi=40)
-
-
-def test_growth_without_a_derivative_is_drawn() -> None:
-    """Oracle: a launch that stands still has none."""
-    law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.3, rolling_arm=0.01)
-    settings = sledenv.Settings(solver="rigid", max_rebounds=2)
-    still = sledenv.sensitivity(segment(1.0, 0.5, 0.0, 0.1), law, Slope(0.0), State(0.0, 1.0, 0.0), settings)
-    assert np.isnan(still.growth).all()
-    plot.plot_growth(still).savefig(io.BytesIO(), dpi=40)
 
 
 def test_wrong_arguments_of_figures_are_named(slides: Descent, jams: Descent) -> None:

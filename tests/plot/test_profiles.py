@@ -11,8 +11,7 @@ from matplotlib.patches import Polygon
 
 from sledenv import plot
 from sledenv.plot.energy import energy_layers
-from sledenv.plot.grounds import below, in_sight, surface
-from sledenv.plot.riders import pose_times
+from sledenv.plot.grounds import below, surface
 from sledenv.plot.shapes import contact_paths, to_world
 from sledenv.plot.trajectories import rows_between
 from sledenv.simulation.interpolation import drawable_rows
@@ -48,24 +47,6 @@ def test_what_is_below_a_line_is_as_far_from_each_of_its_pieces() -> None:
             assert up * x - across * y == pytest.approx(-0.1)
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_what_is_in_sight_of_a_line_is_within_the_picture(seed: int) -> None:
-    """Oracle: points close together, one by one."""
-    rng = np.random.default_rng(seed)
-    angle = rng.uniform(-1.4, 1.4)
-    line = surface(hillside().vertices, -5.0, 100.0)
-    x = np.linspace(-5.0, 100.0, 40001)
-    every = to_world(np.stack([x, np.interp(x, *line.T)], axis=-1), angle)
-    low = every[rng.integers(len(x))] - rng.uniform(-1.0, 20.0, 2)
-    high = low + rng.uniform(1.0, 30.0, 2)
-    seen = x[((every >= low) & (every <= high)).all(axis=1)]
-    first, last = in_sight(line, to_world(line, angle), low, high)
-    if len(seen):
-        assert [first, last] == pytest.approx([seen[0], seen[-1]], abs=0.006)
-    else:
-        assert last - first < 0.006
-
-
 def strobe(descent: Descent) -> Axes:
     return plot.plot_strobe(descent).axes[0]
 
@@ -80,14 +61,6 @@ def test_a_strobe_figure_draws_the_ground_as_it_is(ride: Descent) -> None:
     assert len(line) == np.count_nonzero((left < ride.slope.vertices[:, 0]) & (ride.slope.vertices[:, 0] < right)) + 2
     filled = np.asarray(ax.collections[0].get_paths()[0].vertices)
     assert filled[: len(line)] == pytest.approx(line)
-
-
-def test_no_pose_of_a_strobe_figure_is_below_the_ground_but_for_pressed_springs(ride: Descent) -> None:
-    ax = strobe(ride)
-    poses = [np.asarray(path.vertices) for path in ax.collections[1].get_paths()]
-    assert len(poses) > 5
-    heights = np.concatenate([over_ground(ride, pose) for pose in poses])
-    assert -deepest(ride) < heights.min() < 0.5
 
 
 def test_contacts_lie_on_the_drawn_ground(ride: Descent) -> None:
@@ -132,17 +105,6 @@ def test_the_layers_of_the_energy_add_up_and_heights_count(ride: Descent) -> Non
     expected = ride.body.mass * ride.slope.gravity * (height - height.min())
     assert layers["potential"] == pytest.approx(expected)
     assert np.ptp(height) > 5.0
-
-
-def test_the_legend_of_a_strobe_figure_tells_how_far_poses_are_apart(ride: Descent) -> None:
-    """Oracle: the poses that are drawn, but for the last one, which is the end."""
-    figure = plot.plot_strobe(ride)
-    (said,) = (text.get_text() for text in figure.legends[0].get_texts() if text.get_text().startswith("pose"))
-    interval = float(said.removeprefix("pose every ").removesuffix(" s"))
-    times = pose_times(ride.body, drawable_rows(ride), interval)[:-1]
-    centres = [line.get_xydata() for ax in figure.axes for line in ax.lines if line.get_zorder() == 9]
-    assert len(np.unique(np.concatenate(centres), axis=0)) == len(times) + 1
-    assert np.median(np.diff(times)) == pytest.approx(interval)
 
 
 def test_moments_of_forces_on_a_profile_turn_the_body(ride: Descent) -> None:

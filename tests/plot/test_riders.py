@@ -10,16 +10,11 @@ import numpy as np
 import pytest
 
 from sledenv import plot
-from sledenv.plot.riders import DARK, HELMET, STEEL, pieces, pose_times
-from sledenv.plot.shapes import strobe_times
-from sledenv.simulation.bodies import Body
-from sledenv.simulation.interpolation import drawable_rows
+from sledenv.plot.riders import DARK, HELMET, STEEL, pieces
 from sledenv.simulation.outlines import arms_of
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER, sled
 from sledenv.simulation.support import support_height
-from tests.bodies import DISC, SLED
-from tests.plot.outlined import BOULDER, CRATE, LINE, RIDDEN, descent_of
-from tests.plot.outlined import RIDER as HAT
+from tests.plot.outlined import RIDDEN, descent_of
 
 SIZES: dict[str, dict[str, Any]] = {
     "usual": {},
@@ -62,36 +57,6 @@ def test_what_touches_is_drawn_where_it_touches(name: str) -> None:
         )
         deepest = -(points @ (math.sin(phi), math.cos(phi))).min()
         assert deepest == pytest.approx(b, abs=3e-3), (arc, a)
-
-
-def test_the_head_is_ahead_and_the_runners_are_below() -> None:
-    """Oracle: a rider lies head first on a sled: docs/physics.md, section 8."""
-    middles = {piece.colour: piece.points[:-1].mean(axis=0) for piece in pieces(sled()) if piece.colour != DARK}
-    assert max(middles, key=lambda colour: middles[colour][0]) == HELMET
-    assert min(middles, key=lambda colour: middles[colour][1]) == STEEL
-    (shoe,) = (piece for piece in pieces(sled()) if piece.part == LEGS and piece.colour == DARK)
-    assert shoe.points[:, 0].max() < min(middle[0] for middle in middles.values())
-
-
-def test_no_other_body_has_a_rider() -> None:
-    for body in (DISC, SLED, BOULDER, CRATE, LINE, HAT):
-        assert pieces(body) == ()
-    arcs = [arc._replace(part=RIDER, side=RIDER) for arc in RIDDEN.arcs]
-    assert pieces(Body(1.0, 1.0, arcs)) == ()
-    swapped = {RIDER: LEGS, LEGS: RUNNER, RUNNER: RIDER}  # parts of the same names elsewhere
-    arcs = [arc._replace(part=swapped.get(arc.part, arc.part), side=FRAME) for arc in RIDDEN.arcs]
-    assert pieces(Body(1.0, 1.0, arcs)) == ()
-
-
-def test_poses_of_a_strobe_picture_are_apart() -> None:
-    """Oracle: those of any body, of which some are left out."""
-    descent = descent_of("ridden", "compliant")
-    rows = drawable_rows(descent)
-    apart, all_of_them = pose_times(RIDDEN, rows, 0.1), strobe_times(RIDDEN, rows, 0.1)
-    assert 2 < len(apart) < len(all_of_them)
-    assert np.isin(apart, all_of_them).all()
-    other = drawable_rows(descent_of("rider", "compliant"))
-    assert (pose_times(HAT, other, 0.1) == strobe_times(HAT, other, 0.1)).all()
 
 
 @pytest.mark.parametrize("solver", ["compliant", "rigid"])

@@ -14,9 +14,8 @@ from matplotlib.figure import Figure
 
 from sledenv import plot, reproduce
 from sledenv.closed_forms.wheel import collide_wheel
-from sledenv.kernel.records import Mode
 from sledenv.reproduce import FILES, cases, claims
-from sledenv.simulation.scene import Slope, State
+from sledenv.simulation.scene import State
 from sledenv.simulation.simulate import simulate
 from sledenv.simulation.support import support_height
 
@@ -188,36 +187,6 @@ def test_the_data_are_those_of_the_figures(folder: Path) -> None:
     assert all(modes[f, -phi, -speed] == mode for (f, phi, speed), mode in modes.items())
 
 
-def test_maps_are_labelled() -> None:
-    x, y = np.linspace(0.0, 1.0, 40), np.linspace(0.0, 0.5, 30)
-    scenario = np.where(x > 0.5, "slide", "stuck") * np.ones((30, 1), dtype=object)
-    printed = np.where(x > 0.5, "3", "2 + 4") * np.ones((30, 1), dtype=object)
-    printed[20] = "1 + 2"  # a sliver, which is not labelled
-    figure = plot.plot_table_1(x, y, scenario.astype(str), printed.astype(str), note="assumed")
-    texts = [[text.get_text() for text in ax.texts] for ax in figure.axes]
-    assert texts == [["3", "4"], ["2 + 4", "3"]]
-    assert legend(figure) == ["3  slides without rotation", "4  stuck", "several printed rules hold"]
-    modes = np.full((30, 40), int(Mode.SLIDE))
-    modes[:10] = Mode.SLIP_REVERSAL
-    figure = plot.plot_mode_map(x, y, {"one": modes, "other": modes})
-    assert [ax.get_title("left") for ax in figure.axes] == ["one", "other"]
-    assert legend(figure) == ["slides without rotation", "slip reversed"]
-
-
-def test_a_jam_map_is_hatched_where_the_end_is_not_reached() -> None:
-    x, y = np.linspace(-3.0, 3.0, 40), np.linspace(-8.0, 8.0, 30)
-    finished = np.broadcast_to(x > 0.0, (30, 40))
-    jam = np.where(finished, 0.1, 0.9)
-    figure = plot.plot_jam_map(x, y, {"ice": (jam, finished), "all": (jam, finished | True)}, mark=(1.0, 2.0, "ours"))
-    ice, everything, scale = figure.axes
-    assert [ax.get_title("left") for ax in (ice, everything)] == ["ice", "all"]
-    assert scale.get_ylabel() == "jam index [-]"
-    hatched = [set(ax.collections[1:]) for ax in (ice, everything)]
-    assert len(hatched[0]) == 1
-    assert hatched[1] == set()
-    assert legend(figure) == ["end of the slope not reached", "ours"]
-
-
 def test_the_phases_of_an_impact_are_its_areas() -> None:
     """Oracle: m V0 and R m V0."""
     figure = plot.plot_impact_phases(cases.disc_impact(0.0))
@@ -233,10 +202,6 @@ def test_sliding_is_shown_to_stop_where_it_does() -> None:
     p1 = 0.15 / (f * (1.0 / m + r**2 / cases.DISC.inertia) - r * arm / cases.DISC.inertia)
     pulsation = math.sqrt(1.5 * 9810.0 / m)
     assert figure.axes[0].get_xlabel() == f"sliding stops at {1e3 * math.acos(1.0 - p1 / m) / pulsation:.2f} ms"
-
-
-def legend(figure: Figure) -> list[str]:
-    return [text.get_text() for text in figure.legends[0].get_texts()]
 
 
 WIDE, ROUND = np.full((3, 4), "slide"), np.ones((3, 4), dtype=int)
@@ -258,10 +223,3 @@ X, Y = np.linspace(0.0, 1.0, 4), np.linspace(0.0, 1.0, 3)
 def test_what_cannot_be_drawn_is_named(draw: Callable[..., Figure], given: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         draw(*given)
-
-
-def test_an_impact_that_takes_no_time_has_no_phases_to_draw() -> None:
-    dropped = State(0.0, 0.5, 0.0)
-    rigid = simulate(cases.DISC, cases.EXAMPLE_LAW, Slope(0.0), dropped, solver="rigid", record="trajectory")
-    with pytest.raises(ValueError, match="has no first contact that takes time"):
-        plot.plot_impact_phases(rigid)

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 import pytest
 import yaml
 from hypothesis import given
@@ -17,12 +16,10 @@ from hypothesis import strategies as st
 from sledenv.scenarios.configuration import read_yaml, write_yaml
 from sledenv.scenarios.scenario import Context, Scenario, ScenarioError, load_scenario, scenario_names
 from sledenv.simulation.bodies import Body, Segment, segment
-from sledenv.simulation.scene import ContactLaw, Slope, State
+from sledenv.simulation.scene import State
 from sledenv.simulation.shapes import circular_segment, hull, polygon, rod
-from sledenv.simulation.simulate import simulate
 from sledenv.simulation.sleds import sled
 from sledenv.simulation.support import support_height
-from tests.bodies import same_bits
 from tests.own_scenarios import DELETE, GOOD, POLYGON, changed, own_scenario
 
 ROOT = Path(__file__).parents[2]
@@ -160,16 +157,6 @@ def test_no_draw_leaves_its_range(one: float, other: float) -> None:
         assert context.friction == low
 
 
-def test_asymmetry_and_restitution_describe_the_same_law() -> None:
-    """Oracle: docs/physics.md (5.3), e = sqrt((1 - Delta)/(1 + Delta))."""
-    content = changed(contact__asymmetry=0.5, contact__restitution=DELETE)
-    scenario = Scenario.model_validate(content)
-    context = scenario.sample(np.random.default_rng(0))
-    assert context.restitution == pytest.approx(math.sqrt(1 / 3), rel=1e-15)
-    law = scenario.given(context).law
-    assert law == pytest.approx(ContactLaw(1e7, 0.5, context.friction, 0.005, 0.0), rel=1e-15)
-
-
 def test_each_kind_of_body_is_built() -> None:
     """Oracle: the constructors of the simulator."""
 
@@ -252,37 +239,6 @@ def test_any_body_can_be_told_by_its_arcs(body: Body, tmp_path: Path) -> None:
         assert [arc.x for arc in found.arcs] == pytest.approx([arc.x for arc in body.arcs], abs=1e-14)
 
 
-@pytest.mark.parametrize("measured", [{}, MEASURED], ids=["uniform", "measured"])
-@pytest.mark.parametrize("section", [POLYGON, HULL], ids=["polygon", "hull"])
-def test_a_body_of_a_file_is_followed_as_the_same_body_in_python(
-    section: dict[str, Any], measured: dict[str, Any], tmp_path: Path
-) -> None:
-    """Oracle: ``simulate`` with the body that Python makes of the same numbers; rows of the log agree bit for bit."""
-    file = tmp_path / "own.yaml"
-    write_yaml(file, changed(body=section | measured))
-    scenario = load_scenario(file)
-    given = scenario.given(scenario.sample(np.random.default_rng(0)))
-    table, make = (section["points_m"], polygon) if "points_m" in section else (section["circles_m"], hull)
-    own = {key.partition("_")[0]: value for key, value in measured.items()}
-    body = make(section["mass_kg"], table, **own)  # type: ignore[operator]
-    same_bits(given.body.record, body.record)
-    found, expected = (simulate(one, *given[1:], scenario.settings()) for one in (given.body, body))
-    assert len(expected.rebounds) > 3
-    assert found.rebounds.tobytes() == expected.rebounds.tobytes()
-    assert Scenario.model_validate(scenario.model_dump(by_alias=True)) == scenario
-
-
-def test_what_is_not_given_of_a_body_does_not_count_in_the_hash() -> None:
-    """Oracle: hashes recorded before these keys were; what is given counts."""
-    assert Scenario.model_validate(changed(body=POLYGON)).hash == "faa91ed2677cdf4c"
-    several = {"kind": "choice", "of": [POLYGON, {"kind": "sled"}]}
-    assert Scenario.model_validate(changed(body=several)).hash == "08b15fd9c7710d94"
-    names = ({key: list("abcd")} for key in ("parts", "sides"))
-    corner = {"points_m": [[0, 0], [0.4, 0], [0.3, 0.2], [0, 0.3]]}
-    more = [{}, MEASURED, {"inertia_kg_m2": 0.3}, corner, *names]
-    assert len({Scenario.model_validate(changed(body=POLYGON | one)).hash for one in more}) == len(more)
-
-
 def test_a_body_that_is_wrong_is_told_once() -> None:
     """Oracle: one line; neither a length that follows from the body nor the count of a choice is wrong too."""
     good, wrong = {"kind": "sled"}, {"kind": "sled", "balanc": 0.1}
@@ -323,16 +279,6 @@ def test_every_shipped_scenario_is_valid_and_launches(name: str) -> None:
         assert state.y == context.drop + support_height(body, state.phi) >= body.lowest_support
 
 
-def test_the_papers_impact_starts_where_the_paper_says() -> None:
-    """Oracle: the paper's worked example, T(0) = 50 J."""
-    scenario = load_scenario("paper_impact")
-    body, law, slope, launch = scenario.given(scenario.sample(np.random.default_rng(0)))
-    assert body == segment(1, 0.1, 0.05, 7.5e-3)
-    assert law == pytest.approx(ContactLaw(9.81e3, 0.5, 0.1, 0.001), rel=1e-15)
-    assert slope == Slope(0, 1, 0)
-    assert launch == State(0, 0.07, math.pi / 4, 0, -10, 0)
-
-
 def test_the_shipped_names_are_those_of_the_folder() -> None:
     """Oracle: the files of configs/scenarios."""
     assert scenario_names() == tuple(SHIPPED)
@@ -356,16 +302,3 @@ def test_an_episode_may_end_where_a_part_of_the_body_touches() -> None:
     scenario = Scenario.model_validate(content)
     assert scenario.settings().end_touching == "rider"
     assert scenario.hash != Scenario.model_validate(content | {"ends": {}}).hash
-
-
-def test_contexts_of_a_frame_are_taken_by_name() -> None:
-    """Oracle: the array that the frame was made of; its columns stand in another order."""
-    scenario = load_scenario("sled_rollers")
-    contexts = scenario.contexts(np.random.default_rng(0).random((4, scenario.draws)))
-    frame = pd.DataFrame(contexts, columns=Context._fields).iloc[:, ::-1]
-    for one in (frame, frame.to_numpy()[:, ::-1], [Context(*row) for row in contexts.tolist()]):
-        found, expected = scenario.scenes(one), scenario.scenes(contexts)
-        for name in ("rows", "bodies", "pieces", "zones", "drawn"):
-            assert getattr(found, name).tobytes() == getattr(expected, name).tobytes(), name
-        assert found.body.tolist() == [0] * 4
-    assert len(scenario.scenes(frame.iloc[0]).rows) == 1

@@ -6,7 +6,6 @@ import math
 from pathlib import Path
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 import pytest
 import yaml
@@ -56,20 +55,6 @@ def test_a_profile_lies_beside_its_scenario(ground: Any, tmp_path: Path, monkeyp
     assert Scenario.model_validate(changed(slope__profile_file="ground.csv")) == same
 
 
-def test_a_folder_may_have_any_name(tmp_path: Path) -> None:
-    """As reported in https://github.com/PySimulator/PySimulator/issues/17, of umlauts in paths."""
-    folder = tmp_path / "Hügel: 100 % #1 & {x} 雪"
-    folder.mkdir()
-    (folder / "Boden ß.csv").write_text("x_m,y_m\n-0.5,0\n1,0.25\n2,0\n", encoding="utf-8")
-    content = changed(slope__profile_file="Boden ß.csv")
-    (folder / "Öl.yaml").write_text(yaml.safe_dump(content, allow_unicode=True), encoding="utf-8")
-    same = Scenario.model_validate(changed(slope__profile_m=[[-0.5, 0], [1, 0.25], [2, 0]]))
-    env = gym.make("sledenv/SledLaunch-v0", scenario=str(folder / "Öl.yaml"))
-    again = gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
-    for scenario in (load_scenario(folder / "Öl.yaml"), env.unwrapped.task.scenario, again.unwrapped.task.scenario):
-        assert scenario == same
-
-
 def test_a_section_of_terrain_is_measured_over_its_own_plane(ground: Any) -> None:
     """Oracle: lengths and inclinations of the pieces of the file; both ends lie in the plane."""
     scenario = ground(SECTION, slope__angle_deg=DELETE, slope__length_m=DELETE)
@@ -92,17 +77,6 @@ def test_terrain_may_be_measured_over_another_plane(ground: Any) -> None:
     told = "slope.angle_deg = [6, 12]: must be one number with a section of terrain, the plane over which"
     assert told in refusal(ground, text, slope__angle_deg=[6, 12])
     assert refusal(ground, text, slope__angle_deg="steep").startswith("slope.angle_deg = 'steep': must be a number, or")
-
-
-def test_a_piece_of_terrain_is_too_steep_to_the_plane_and_not_to_the_horizon(ground: Any) -> None:
-    """Oracle: a cliff of 85 degrees over planes of 0 and of 60 degrees."""
-    text = f"x_m,z_m\n0,0\n1,{-math.tan(math.radians(85))}\n30,-40\n"
-    told = refusal(ground, text, slope__angle_deg=0, slope__length_m=DELETE)
-    assert told == (
-        "line 3: the piece from line 2 to here is -85 degrees steep to the plane: must be at most 80 degrees; move a "
-        "vertex, or tilt the plane of 0 degrees, or fill it up: slope.steepest_deg, say 80"
-    )
-    assert ground(text, slope__angle_deg=60, slope__length_m=DELETE).slope_section.angle_deg == (60, 60)
 
 
 # Ground that is fitted by pieces and arcs.

@@ -65,34 +65,6 @@ def test_a_contact_lies_where_the_body_is_lowest_and_the_forces_turn_it_from_the
         assert turned == pytest.approx(rows["omega"] - rows["omega"][0], abs=0.01 * np.ptp(rows["omega"]))
 
 
-def test_what_a_contact_does_is_the_same_in_a_turned_frame() -> None:
-    """Oracle: the descent itself, whose rows and contacts are turned about a point."""
-    turn = 0.37
-    cosine, sine = math.cos(turn), math.sin(turn)
-    for descent in descents():
-        rows = descent.trajectory.copy()
-        there = touches_in(descent.body, rows)
-        for table, pairs in ((rows, ("xy", "uv")), (rows["contacts"], ("xy", ("normal_x", "normal_y")))):
-            for one, other in pairs:
-                along, up = table[one].copy(), table[other].copy()
-                table[one], table[other] = cosine * along - sine * up, sine * along + cosine * up
-        rows["phi"] += turn
-        turned = touches_in(descent.body, rows)
-        scale = {"depth": 1e-9, "gap_rate": 1e-9, "slip_velocity": 1e-9, "moment": 1e-9 * there.forces["normal"].max()}
-        for name, within in scale.items():
-            assert getattr(turned, name) == pytest.approx(getattr(there, name), abs=within)
-
-
-def test_the_penetration_of_each_contact_gives_its_force() -> None:
-    """Oracle: N = k x with the two stiffnesses of the law, at each point by itself."""
-    for descent in descents()[:2]:
-        touches = touches_in(descent.body, descent.trajectory)
-        sign = np.where(touches.gap_rate > 0.0, -1.0, 1.0)
-        moving = np.abs(touches.gap_rate) > 1e-6
-        expected = LAW.stiffness * (1.0 + LAW.asymmetry * sign) * touches.depth
-        assert touches.forces["normal"][moving] == pytest.approx(expected[moving], rel=1e-6, abs=1e-3)
-
-
 def test_curves_of_contacts_bear_the_names_of_what_touches() -> None:
     """Oracle: the parts of the body; made-up ground, and two contacts of one part."""
     descent = descents()[0]

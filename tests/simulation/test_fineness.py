@@ -3,23 +3,19 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import pytest
-from scipy.optimize import brentq
 
 import sledenv
 from sledenv import Body, ContactLaw, Ride, Slope, State, simulate, simulate_batch
 from sledenv.kernel.params import SCENE
-from sledenv.scenarios.scenario import load_scenario, scenario_names
 from sledenv.simulation import RideBatch
 from sledenv.simulation.fineness import IN_A_ROW, TooFine, too_fine
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.scenes import NO_ZONES, Scenes
-from sledenv.simulation.smoothing import fit_ground
 from tests.rough_grounds import hull_of_three, rock
 
 G, MASS, STIFFNESS = 9.81, 50.0, 1e6
@@ -40,54 +36,6 @@ def turn_for(rises: float, radius: float, within: float) -> float:
 
 
 # The rule.
-
-
-def stiffness_of(turn: float, radius: float, within: float, shift: float) -> tuple[float, int]:
-    """How many times as stiff as one spring a dip is to a disc that is let go where it touches, and the most springs.
-
-    It sinks by twice what its weight presses it in.
-    """
-    touches = within / math.cos(0.5 * turn) if shift == 0.0 else within + radius * (1.0 - math.cos(0.5 * turn))
-    span = 2.5 * math.pi * math.sqrt(MASS / STIFFNESS)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        descent = simulate(
-            sledenv.disc(MASS, within),
-            LAW._replace(friction=0.0),
-            Slope(0.0, profile=hollow(radius, turn, shift)),
-            State(0.0, touches * (1.0 + 1e-9), 0.0),
-            max_time=span,
-            record="trajectory",
-        )
-    sunk = touches - float(descent.trajectory["y"].min())
-    return 2.0 * PRESSED / sunk, int(descent.trajectory["touching"].max())
-
-
-def expected_stiffness(rises: float, shift: float) -> tuple[float, int]:
-    """Return the same of lines whose parallels rise over each other as those of a parabola do: by energy."""
-    j = np.arange(1, 60)
-    gaps = rises * PRESSED * (0.5 * j * (j - 1) if shift == 0.0 else 0.5 * j * j)
-    gaps = np.r_[gaps, gaps] if shift == 0.0 else np.r_[0.0, gaps, gaps]
-
-    def surplus(sunk: float) -> float:
-        return float(0.5 * STIFFNESS * (np.maximum(sunk - gaps, 0.0) ** 2).sum() - MASS * G * sunk)
-
-    sunk = float(brentq(surplus, 1e-3 * PRESSED, 3.0 * PRESSED))
-    return 2.0 * PRESSED / sunk, int((gaps < sunk).sum())
-
-
-@pytest.mark.parametrize("shift", [0.0, 0.5], ids=["at a vertex", "between two"])
-@pytest.mark.parametrize(("radius", "within"), [(3.0, 0.3), (20.0, 15.0)])
-def test_as_finely_as_it_may_be_cut_a_dip_is_no_stiffer_than_two_springs(
-    radius: float, within: float, shift: float
-) -> None:
-    """Oracle: energy on lines at the distances of a parabola's; only theta (s - r theta) c/(m g) counts."""
-    for rises in (8.0, 1.02, 0.45, 0.23, 0.12):
-        stiffer, springs = expected_stiffness(rises, shift)
-        assert (stiffer <= 2.0 + 1e-9) == (rises > 1.0)
-        assert (springs <= 3) == (rises > 1.0)
-        found = stiffness_of(turn_for(rises, radius, within), radius, within, shift)
-        assert found == (pytest.approx(stiffer, rel=0.01), springs)
 
 
 @pytest.mark.parametrize(("radius", "within"), [(3.0, 0.3), (3.0, 2.5), (20.0, 15.0)])
@@ -174,28 +122,3 @@ def test_many_lanes_are_looked_at_as_each_alone() -> None:
         first = next((i for i in range(len(bodies)) if alone[i][k]), None)
         found = looked(bodies, laws, [slope])
         assert (found.lane if found else None) == first
-
-
-# Who is not told.
-
-
-@pytest.mark.parametrize("name", scenario_names())
-def test_shipped_scenarios_are_not_too_fine(name: str) -> None:
-    """Oracle: warnings are errors; their bumps have few vertices."""
-    scenario = load_scenario(name)
-    contexts = scenario.contexts(np.random.default_rng(0).random((50, scenario.draws)))
-    assert too_fine(scenario.scenes(contexts)) is None
-
-
-def test_noise_and_a_fitted_ground_are_not_too_fine() -> None:
-    """Oracle: a sled over level ground surveyed each 0.2 m with an error of 2 mm, or the remedy of the warning."""
-    x, law = np.arange(0.0, 200.0, 0.2), LAW._replace(stiffness=1e7)
-    noise = np.column_stack([x, np.random.default_rng(2).normal(0.0, 0.002, len(x))])
-    simulate(sledenv.sled(), law, Slope(0.1, profile=noise), State(0, 2, 0), max_time=0.01)
-    x = np.arange(0.0, 60.0, 0.1)
-    survey = np.column_stack([x, 0.5 * np.sin(x / 6.0)])
-    with pytest.warns(UserWarning, match="too finely"):
-        simulate(sledenv.sled(), LAW, Slope(0.1, profile=survey), State(1.0, 2.0, 0.0), max_time=0.01)
-    fitted = fit_ground(survey, 0.005)
-    slope = Slope(0.1, profile=fitted[:, :2], rounding=fitted[:, 2])
-    simulate(sledenv.sled(), LAW, slope, State(1.0, 2.0, 0.0), max_time=0.01)

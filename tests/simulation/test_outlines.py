@@ -10,13 +10,11 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from mpmath import mp, mpf
 
 from sledenv.kernel import outline as kernel
-from sledenv.simulation.bodies import Body, segment
+from sledenv.simulation.bodies import Body
 from sledenv.simulation.outlines import (
     Arc,
-    angle_of,
     bulged,
     fewer_circles,
     hull_of_circles,
@@ -230,21 +228,6 @@ def test_a_circle_may_be_twice_on_a_hull() -> None:
     assert (body.size, body.lowest_support) == (1.0, pytest.approx(0.5, rel=1e-15))
 
 
-@pytest.mark.parametrize(
-    ("circles", "parts"),
-    [
-        ([(0.0, 0.0, 0.3)], "a"),
-        ([(0.0, 0.0, 0.3), (0.1, 0.1, 0.1)], "ab"),
-        ([(0.0, 0.1, 0.2), (0.0, 0.0, 0.3)], "ba"),  # they touch from within
-        ([(0.0, 0.0, 0.3), (0.0, 0.0, 0.3)], "ab"),
-    ],
-)
-def test_a_hull_may_be_a_disc(circles: list[tuple[float, float, float]], parts: str) -> None:
-    """Oracle: what holds all others is the hull."""
-    body = hull(1.0, circles, list(parts), ["side"] * len(circles), 1.0, (0.0, 0.0))
-    assert body == Body(1.0, 1.0, [Arc(0.0, 0.0, 0.3, 0.0, "a")])
-
-
 def test_fewer_circles_say_how_far_their_hull_lies_within_that_of_all() -> None:
     """Oracle: the farthest point of all circles less that of the chosen ones, in 40,000 directions."""
     rng = np.random.default_rng(2)
@@ -258,37 +241,7 @@ def test_fewer_circles_say_how_far_their_hull_lies_within_that_of_all() -> None:
         assert within - 1e-12 <= depth <= within + 1e-3
 
 
-# --- arcs in place of sides ------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("radius", [0.51, 0.7, 3.0, 1e4])
-def test_a_rod_with_an_arc_below_is_a_segment(radius: float) -> None:
-    """Oracle: ``segment`` with half the rod as sine of its half-angle."""
-    arcs = bulged(rod(1.0, 1.0).arcs, 0, radius)
-    alpha = math.asin(0.5 / radius)
-    expected = segment(1.0, radius, radius * math.cos(alpha), 1.0, alpha)
-    for arc, other in zip(arcs, expected.arcs, strict=True):
-        assert arc.part == other.part
-        assert arc[:4] == pytest.approx(other[:4], abs=2e-15 * radius)
-
-
 # --- areas -----------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("radius", [0.51, 1.0, 1e2, 1e4, 1e6])
-def test_the_area_of_a_segment_has_the_moments_of_its_closed_form(radius: float) -> None:
-    """Oracle: the closed form in 60 digits; what is left is the rounding of where the centre is."""
-    arcs = bulged(rod(1.0, 1.0).arcs, 0, radius)
-    area, (x, y), inertia = mass_properties(arcs)
-    with mp.workdps(60):
-        r = mpf(radius)
-        alpha = mp.asin(mpf(0.5) / r)
-        part = alpha - mp.sin(alpha) * mp.cos(alpha)
-        low = 2 * r * mp.sin(alpha) ** 3 / (3 * part)
-        about_centre = r**2 / 2 * (1 + 2 * mp.sin(alpha) ** 3 * mp.cos(alpha) / (3 * part)) - low**2
-        expected = float(r**2 * part), float(r * mp.cos(alpha) - low), float(about_centre)
-    assert (area, y, inertia) == pytest.approx(expected, rel=1e-14 + 1e-15 * radius)
-    assert x == pytest.approx(0.0, abs=1e-16 * max(radius, 1.0))
 
 
 def test_simple_outlines_have_the_moments_of_textbooks() -> None:
@@ -332,16 +285,3 @@ def test_an_outline_has_the_moments_of_a_polygon_with_many_corners(seed: int) ->
     assert area == pytest.approx(cross.sum(), rel=1e-5)
     assert centre == pytest.approx(middle, abs=noise * body.size)
     assert inertia == pytest.approx(cross @ squares / cross.sum() - middle @ middle, abs=noise * body.size**2)
-
-
-# --- angles ----------------------------------------------------------------------------------------------------------
-
-
-@given(st.floats(-math.pi, math.pi, exclude_max=True), st.floats(1e-6, 1e6))
-def test_angle_of_a_direction_lies_in_a_turn(angle: float, length: float) -> None:
-    """Oracle: the angle itself, and -pi rather than pi."""
-    found = angle_of(length * math.sin(angle), length * math.cos(angle))
-    assert -math.pi <= found < math.pi
-    assert math.remainder(found - angle, TURN) == pytest.approx(0.0, abs=1e-15)
-    assert angle_of(0.0, -length) == -math.pi
-    assert angle_of(-0.0, length) == 0.0

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import sledenv
 from sledenv.envs import DESCENT_ID
 from sledenv.envs.sb3 import make_vec_env
-from sledenv.envs.task import GROUPS, Task
+from sledenv.envs.task import Task
 from sledenv.envs.vector import SledDescentVector
 from sledenv.kernel.params import SCENE
 from sledenv.simulation.grounds import Grounds
@@ -165,27 +165,3 @@ def test_columns_can_be_chosen_and_are_the_same_in_all_kinds_of_environments() -
     assert np.array_equal(scalars[1].step(actions[1])[0], stepped[1])
     alone = Task("sled_rollers", ride=True, columns=["landing", "context"])
     assert alone.groups == ("context", "landing")
-
-
-def test_what_is_not_told_cannot_be_read() -> None:
-    """Oracle: columns without a name that is asked for, and the message."""
-    task = Task("sled_rollers", ride=True, columns=("context", "landing"))
-    assert Task("sled_rollers", ride=True).groups == GROUPS
-    assert "u" not in task.columns.values(np.zeros((1, len(task.observation_names)), np.float32))
-    task = Task("sled_rollers", ride=True, columns=("state", "landing"))
-    with pytest.raises(ValueError, match="must have 'context'"):
-        task.contexts_seen(np.zeros((1, len(task.observation_names)), np.float32))
-
-
-def test_a_policy_is_evaluated_with_the_columns_it_sees() -> None:
-    """Oracle: the share of contexts is the same, and a policy that sees fewer columns gets another shape."""
-    shapes = []
-
-    def still(observations: np.ndarray) -> np.ndarray:
-        shapes.append(observations.shape[1])
-        return np.zeros((len(observations), 1))
-
-    one = sledenv.evaluate(still, "sled_rollers", contexts=10)
-    other = sledenv.evaluate(still, "sled_rollers", contexts=10, columns=("context", "state", "ground"))
-    assert one.mean == other.mean
-    assert set(shapes) == {52, 99}

@@ -11,11 +11,10 @@ import pytest
 from sledenv.kernel.params import ZONE_FIELDS
 from sledenv.kernel.records import RUNNING
 from sledenv.simulation.bodies import segment
-from sledenv.simulation.checks import Slopes, checked_descent, checked_scenes
+from sledenv.simulation.checks import checked_descent, checked_scenes
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.ride import RideBatch
-from sledenv.simulation.scene import ContactLaw, Slope, SlopeTable, State, Zone
-from sledenv.simulation.scenes import Scenes
+from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.settings import Settings
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.simulate import simulate, simulate_batch
@@ -27,25 +26,6 @@ SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
 SHARP, ROUND = polygon(2.0, SQUARE), polygon(2.0, SQUARE, rounding=0.05)
 HILL = Slope(0.1, 20.0, profile=[(2.0, 0.0), (3.0, 0.5), (5.0, 0.0)])
 LAUNCH = State(0.0, 3.0, 0.0)
-
-
-def vertices_in(scenes: Scenes) -> list[list[tuple[float, float, float]]]:
-    """Vertices of the ground of each lane."""
-    return [list(zip(each["x"], each["y"], each["radius"], strict=True)) for each in scenes.grounds()]
-
-
-def test_what_is_checked_has_the_vertices() -> None:
-    """Oracle: those of the slope, which lanes share; none on a plane."""
-    assert vertices_in(checked_descent(DISC, LAW, HILL, LAUNCH, Settings()).scenes) == [list(HILL.ground)]
-    ways: list[Slopes] = [HILL, [HILL, HILL._replace(angle=0.3)], SlopeTable(np.array([HILL.incline] * 2), HILL.ground)]
-    for slopes in ways:
-        scenes = checked_scenes(DISC, LAW, slopes, [LAUNCH] * 2, Settings())
-        assert vertices_in(scenes) == [list(HILL.ground)] * 2
-        assert (len(scenes.pieces), len(scenes.zones)) == (len(HILL.ground) + 1, 0)
-    mixed: Any = [Slope(0.1), (0.2, 5.0, 9.81)]
-    for plane in (Slope(0.1), mixed, np.array([[0.1, 5.0, 9.81]] * 2)):
-        scenes = checked_scenes(DISC, LAW, plane, [LAUNCH] * 2, Settings())
-        assert (vertices_in(scenes), scenes.is_plane) == ([[], []], True)
 
 
 @pytest.mark.parametrize("body", [SHARP, circular_segment(2.0, 1.0, 1.2)], ids=["square", "cap"])
@@ -102,16 +82,6 @@ def test_lanes_may_have_profiles_of_their_own(other: Any) -> None:
     while (rides.outcomes()["status"] == RUNNING).any():
         rides.hop(np.zeros(4))
     assert [*rides.outcomes()] == alone
-
-
-def test_profiles_that_are_the_same_are_one_track() -> None:
-    """Oracle: which lanes have which."""
-    again = Slope(0.2, profile=[*HILL.profile[:1], *HILL.profile[1:]])
-    slopes: list[Any] = [HILL, Slope(0.1), again, BUMPS, (0.1, 20.0, 9.81)]
-    scenes = checked_scenes(DISC, LAW, slopes, [LAUNCH] * 5, Settings())
-    assert scenes.rows["ground"].tolist() == [0, 4, 0, 5, 4]
-    assert scenes.rows["ground_end"].tolist() == [4, 5, 4, 10, 5]
-    assert len(scenes.pieces) == 10
 
 
 @pytest.mark.parametrize("x", [-3.0, 1.7, 2.5, 3.0, 4.9])

@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import copy
 import math
 import pickle
 
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from sledenv import (
     Body,
@@ -30,7 +27,6 @@ from sledenv.simulation import RideBatch
 from sledenv.simulation.support import support_height
 from tests.own_scenarios import own_scenario
 
-SLED_SCENARIOS = (own_scenario("brake_mat"), own_scenario("ice_drop"), own_scenario("ice_fast"))
 SOLVERS = ("compliant", "rigid")
 ROTOR = 3.0  # kg m^2
 
@@ -120,17 +116,6 @@ def test_spin_that_is_lent_and_given_back_costs_its_work_and_returns_the_spin():
     assert ledger.rotor == 0.0
     assert ledger.absorbed == pytest.approx(work, rel=1e-14)
     assert ledger.work == pytest.approx(work, rel=1e-14)
-
-
-@pytest.mark.parametrize("omega", [0.0, -0.0, 1.5])
-def test_no_trim_changes_no_bit(omega):
-    """Oracle: the ride before."""
-    body, law, slope, launch = problem(own_scenario("brake_mat"), 3)
-    ride = Ride(body, law, slope, launch._replace(omega=omega), rotor_inertia=ROTOR)
-    before = ride.descent().outcome.tobytes()
-    ride.trim(0.0)
-    ride.trim(-0.0)
-    assert ride.descent().outcome.tobytes() == before
 
 
 def test_a_descent_under_way_is_a_snapshot_that_later_hops_do_not_change():
@@ -250,22 +235,6 @@ def test_lanes_have_bodies_of_their_own_and_get_others_with_a_launch(shared, lan
     assert shared or np.array_equal(given, kept)
 
 
-def test_no_copy_moves_what_it_is_a_copy_of():
-    """As reported in https://github.com/facebookresearch/CompilerGym/pull/546, of copies that share a state."""
-    body, law, slope, launch = problem(own_scenario("ice_drop"), 1)
-    ride, batch = Ride(body, law, slope, launch), RideBatch(body, law, slope, [launch, launch], keep_rebounds=True)
-    for copied in (copy.copy, copy.deepcopy):
-        one, many = copied(ride), copied(batch)
-        one.run()
-        many.hop(np.zeros(2))
-        many.launch(np.array([1]), law._replace(friction=2.0), slope, [launch])
-        assert ride.state == launch
-        assert not batch.outcomes()["rebounds"].any()
-    batch.hop(np.zeros(2))
-    assert batch.outcomes()[0] == batch.outcomes()[1]
-    assert (batch.descents().rebounds == simulate(body, law, slope, launch).rebounds[:1]).all()
-
-
 def test_misuse_of_a_batch_leaves_it_as_it_is():
     """Oracle: a batch that was not misused; other messages are those of the table of wrong inputs."""
     body, law, slope, launch = lifted(BODIES[:1], [0])[0]
@@ -288,41 +257,6 @@ def test_misuse_of_a_batch_leaves_it_as_it_is():
     for each in (rides, twin):
         each.hop(np.zeros(3))
     assert np.array_equal(rides.outcomes(), twin.outcomes())
-
-
-@given(
-    seed=st.integers(0, 10_000),
-    name=st.sampled_from(SLED_SCENARIOS),
-    solver=st.sampled_from(SOLVERS),
-    trims=st.lists(st.floats(-50.0, 50.0), max_size=6),
-)
-def test_no_trim_however_wild_creates_energy_or_an_unclassified_end(seed, name, solver, trims):
-    ride = Ride(*problem(name, seed), Settings(solver=solver, max_rebounds=100), rotor_inertia=ROTOR)
-    for spin in trims:
-        if ride.status == Status.RUNNING:
-            ride.trim(spin)
-            ride.hop()
-    descent = ride.run()
-    assert descent.status not in (Status.STEP_BUDGET, Status.NON_FINITE)
-    ledger = descent.energy
-    assert abs(ledger.residual) <= 1e-10 * ledger.turnover
-    assert min(ledger.hysteresis, ledger.sliding, ledger.rolling, ledger.rotor, ledger.work, ledger.absorbed) >= 0.0
-    assert 0.0 <= descent.jam.reward <= 1.0
-
-
-def test_misuse_leaves_the_ride_as_it_is():
-    """Oracle: a copy that was not misused; what a ride that has ended or has no rotor says."""
-    ride = Ride(*problem(own_scenario("ice_drop"), 2), rotor_inertia=ROTOR)
-    ride.hop()
-    twin = ride.copy()
-    with pytest.raises(ValueError, match=r"Ride.trim.spin = nan: must be a finite number"):
-        ride.trim(math.nan)
-    assert_same(ride.run(), twin.run())
-    for call in (ride.hop, lambda: ride.trim(1.0)):
-        with pytest.raises(RuntimeError, match="the descent has ended with status 'finish'"):
-            call()
-    with pytest.raises(RuntimeError, match="no rotor"):
-        Ride(*problem(own_scenario("ice_drop"), 2)).trim(1.0)
 
 
 SHORTEST = 0.1  # [s]
@@ -373,18 +307,3 @@ def test_a_hop_goes_on_through_short_flights(seed: int, record: str) -> None:
         decided += 1
     assert 1 <= decided < len(ride.descent().rebounds)
     assert_same(ride.descent(), plain.descent())
-
-
-def test_lanes_go_on_through_short_flights_as_rides_do() -> None:
-    """Oracle: Ride, lane by lane."""
-    problems, rng = [on_bumps(seed) for seed in range(8)], np.random.default_rng(0)
-    options = {"rotor_inertia": ROTOR, "shortest_flight": SHORTEST}
-    rides, singles = batch(problems, **options), [Ride(*given, **options) for given in problems]
-    while (rides.outcomes()["status"] == RUNNING).any():
-        spins = rng.uniform(-0.5, 0.5, 8)
-        rides.hop(spins)
-        for ride, spin in zip(singles, spins.tolist(), strict=True):
-            if ride.status == Status.RUNNING:
-                ride.trim(spin)
-                ride.hop()
-        assert np.array_equal(rides.outcomes(), [ride.descent().outcome for ride in singles])

@@ -14,13 +14,9 @@ from mpmath import mp, mpf
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.scene import ContactLaw, Slope, State, Zone, asymmetry_of
 from sledenv.simulation.sensitivity import (
-    END_QUANTITIES,
     LAUNCH,
     REBOUND_QUANTITIES,
-    STATE_AFTER,
     Sensitivity,
-    continues,
-    derivatives_of,
     sensitivity,
 )
 from sledenv.simulation.settings import Settings
@@ -253,22 +249,6 @@ def test_the_mirror_image_has_the_mirrored_derivatives(
     assert (one.sides == other.sides * columns).all()
 
 
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_a_body_told_by_its_arcs_has_the_derivatives_of_the_segment(solver: Any) -> None:
-    """Oracle: the segment itself; only its own three lengths and angles are no parameters of other bodies."""
-    launch = State(0.0, 1.0, 0.7, 1.0, 0.0, 2.0)
-    one, other = (
-        sensitivity(body, LAW, Slope(0.1), launch, Settings(solver=solver, max_rebounds=4))
-        for body in (SEGMENT, Body(SEGMENT.mass, SEGMENT.inertia, SEGMENT.arcs))
-    )
-    own = {"radius", "eccentricity", "half_angle"}
-    assert list(other.parameters) == [name for name in one.parameters if name not in own]
-    kept = [name not in own for name in one.parameters]
-    for name in ("rebounds", "end"):
-        np.testing.assert_allclose(getattr(other, name), getattr(one, name)[..., kept], rtol=1e-9, atol=1e-9)
-    np.testing.assert_allclose(other.distances, one.distances[:, kept], rtol=1e-6)
-
-
 def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
     """Oracle: phi and phi - 2 pi are one launch; steps across the half turn must not jump."""
     one, other = (
@@ -277,23 +257,6 @@ def test_whole_turns_of_the_launch_do_not_matter_even_at_half_a_turn() -> None:
     )
     np.testing.assert_allclose(one.rebounds, other.rebounds, rtol=1e-7, atol=1e-9)
     assert np.isfinite(one.of_rebounds("phi", "phi")).all()
-
-
-def test_a_disc_over_crests_has_a_derivative_by_its_radius() -> None:
-    """Oracle: central differences of descents; halved steps lead to a radius of 0, which crests do not take."""
-    mass, radius, inertia = 5.0, 0.2, 0.1
-    slope, settings = Slope(0.1, 12.0, profile=[(1.0, 0.0), (2.0, 0.2), (3.0, 0.0)]), Settings(max_rebounds=3)
-    launch = State(0.0, 0.5, 0.3, 2.0, 0.0, 1.0)
-    found = sensitivity(segment(mass, radius, 0.0, inertia), LAW, slope, launch, settings)
-
-    def descend(change: float) -> np.ndarray:
-        rows = simulate(segment(mass, radius + change, 0.0, inertia), LAW, slope, launch, settings).rebounds
-        return np.stack([rows[name] for name in ("t", "x", "omega_after")])
-
-    far, near = ((descend(step) - descend(-step)) / (2.0 * step) for step in (2e-5, 1e-5))
-    values = np.stack([found.of_rebounds(name, "radius") for name in ("t", "x", "omega_after")])
-    np.testing.assert_allclose(values, (4.0 * near - far) / 3.0, rtol=1e-6)
-    assert found.distances[0, found.parameters.index("radius"), 0] > 0.0
 
 
 # --- where the sequence changes ---------------------------------------------------------------------------------------
@@ -319,22 +282,6 @@ def test_distances_to_another_sequence_are_those_of_a_scan(name: str) -> None:
         if len(others):
             assert changes[others[0] - 1] <= distance * (1.0 + 1e-6)
             assert changes[others[0]] >= distance * (1.0 - 1e-6)
-
-
-def test_next_to_a_change_of_sequence_a_derivative_still_holds_and_the_distance_tells() -> None:
-    """Oracle: the change that was found; launches that lie 1e-6 before it and behind it."""
-    launch, settings = State(0.0, 0.7, 0.7, 1.0, 0.0, 2.0), Settings(max_rebounds=2)
-    distance = sensitivity(SEGMENT, LAW, Slope(0.2), launch, settings, parameters=["phi"]).distances[-1, 0, 1]
-    for side, offset in ((1, -1e-6), (0, 1e-6)):
-        beside = launch._replace(phi=launch.phi + distance + offset)
-        near = sensitivity(SEGMENT, LAW, Slope(0.2), beside, settings, parameters=["phi"])
-        assert near.distances[-1, 0, side] == pytest.approx(1e-6, abs=1e-7 * distance)
-        assert near.sides[-1, 0] == 0
-        before, after = (
-            simulate(SEGMENT, LAW, Slope(0.2), beside._replace(phi=beside.phi + h), settings).rebounds["omega_after"]
-            for h in (-5e-7, 5e-7)
-        )
-        assert near.of_rebounds("omega_after", "phi") == pytest.approx((after - before) / 1e-6, rel=1e-4)
 
 
 def test_on_a_change_of_sequence_the_derivative_is_one_sided_and_says_so() -> None:
@@ -369,48 +316,6 @@ def test_how_a_descent_ends_counts_as_an_event() -> None:
 
 
 # --- at an end of the range of a parameter ----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_a_wheel_that_rolls_up_and_back_has_the_derivatives_by_a_rolling_arm_of_zero(solver: Any) -> None:
-    """Oracle: speeds up the slope lose s + c arm, down it gain s - c arm; it turns at t_1 = u_0/(s + c arm).
-
-    c = k g cos(angle)/r and s = k g sin(angle), k = m r^2/(m r^2 + J). No arm above r tan(angle) lets it roll back.
-    """
-    m, r, j, angle, u_0, time = 2.0, 0.5, 0.2, 0.1, 1.0, 3.0
-    launch = State(50.0, r, 0.0, -u_0, 0.0, u_0 / r)
-    settings = Settings(solver, max_time=time)
-    wheel, slope = segment(m, r, 0.0, j), Slope(angle, 200.0)
-    found = sensitivity(wheel, law_of(0.5, 0.4), slope, launch, settings, parameters=["rolling_arm"])
-    k = m * r * r / (m * r * r + j)
-    s, c = k * G * math.sin(angle), k * G * math.cos(angle) / r
-    up = u_0 / s  # how long at no arm, and then down
-    down = time - up
-    near = {"rel": 1e-5 if solver == "compliant" else 1e-9}  # its springs swing a little
-    assert found.of_end("u", "rolling_arm") == pytest.approx(c * (up - down), **near)
-    assert found.of_end("x", "rolling_arm") == pytest.approx(c * (0.5 * up**2 + up * down - 0.5 * down**2), **near)
-    assert found.of_end("omega", "rolling_arm") == pytest.approx(-c * (up - down) / r, **near)
-    assert (found.sides == 1).all()
-    assert found.distances[-1, 0] == pytest.approx([math.inf, r * math.tan(angle)], rel=1e-6)
-
-
-@pytest.mark.parametrize("of_zone", [False, True])
-@pytest.mark.parametrize("solver", ["compliant", "rigid"])
-def test_a_slip_that_turns_has_the_derivative_by_a_friction_of_zero(solver: Any, of_zone: bool) -> None:
-    """Oracle: without friction u grows by g sin(angle) t; the slip u + r omega turns, and friction -f N with it."""
-    m, r, j, angle, u_0, omega, time = 2.0, 0.5, 0.2, 0.3, -3.0, 1.0, 2.0
-    launch, settings = State(50.0, r, 0.0, u_0, 0.0, omega), Settings(solver, max_time=time)
-    slope = Slope(angle, 200.0, zones=[Zone(0.0, math.inf, 0.0, 0.0)] if of_zone else [])
-    name = "zone_1_friction" if of_zone else "friction"
-    law = law_of(0.5, 0.4 if of_zone else 0.0)
-    found = sensitivity(segment(m, r, 0.0, j), law, slope, launch, settings, parameters=[name])
-    before = -(u_0 + r * omega) / (G * math.sin(angle))  # the slip turns
-    press = G * math.cos(angle)
-    near = {"rel": 1e-5 if solver == "compliant" else 1e-9}
-    assert 0.0 < before < time
-    assert found.of_end("u", name) == pytest.approx(press * (2.0 * before - time), **near)
-    assert found.of_end("omega", name) == pytest.approx(press * m * r / j * (2.0 * before - time), **near)
-    assert (found.sides == 1).all()
 
 
 def test_where_one_zone_begins_at_the_end_of_another_it_may_begin_later() -> None:
@@ -518,69 +423,7 @@ def test_where_a_change_makes_a_body_fall_there_is_no_derivative_at_an_end_of_a_
     assert found.distances[-1, 0].tolist() == [math.inf, 0.0]
 
 
-@pytest.mark.parametrize(
-    ("of", "does"),
-    [
-        (lambda h: 2.0 + 3.0 * h, True),
-        (lambda h: 2.0 + 3.0 * h + 100.0 * h**1.5, True),
-        (lambda h: 2.0 + 100.0 * h**2, True),
-        (lambda h: 2.0 + 1e-13 * np.cos(1e9 * h), True),  # of rounding
-        (lambda h: 2.0 + 3.0 * h + 1e-6, False),
-        (lambda h: 2.0 + np.sqrt(h), False),
-        (lambda h: 2.0 + 3.0 * h + 1e-4 * np.sqrt(h), False),
-        (lambda h: 2.0 + h * np.log(h), False),
-        (lambda h: np.full_like(h, np.nan), False),
-    ],
-    ids=["line", "kink of 3/2", "parabola", "rounding", "jump", "root", "small root", "h log h", "no number"],
-)
-@pytest.mark.parametrize("side", [-1, 1])
-def test_a_quantity_continues_to_one_side_if_it_has_a_derivative_there(side: int, of: Any, does: bool) -> None:
-    """Oracle: what each function is, of the distance to that side. The other side does not count."""
-    steps = np.tile(2.0 ** -np.arange(33.0), (1, 2, 1))
-    fine = np.zeros(steps.shape, bool)
-    fine[:, (1 + side) // 2] = True
-    here, there = np.array([2.0, 0.0]), np.stack([of(steps.ravel()), 0.0 * steps.ravel()], axis=-1)
-    derivatives, _ = derivatives_of(here, there, fine, steps)
-    assert continues(here, there, fine, steps, derivatives, np.ones(2)).tolist() == [does]
-    assert continues(here, there, np.zeros_like(fine), steps, derivatives, np.ones(2)).all()
-
-
-# --- ugly inputs ------------------------------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("solver", "rebounds"),
-    [("compliant", 1), *(pytest.param(solver, 4, marks=pytest.mark.slow) for solver in ("compliant", "rigid"))],
-)
-@pytest.mark.parametrize(
-    ("law", "launch"),
-    [
-        (LAW, State(0.0, 0.6, 0.0)),
-        (law_of(1.0), State(0.0, 0.6, 0.3, 1.0)),
-        (law_of(1e-9, 0.3, 0.01), State(0.0, 0.6, 0.3, 1.0)),
-        (law_of(0.5), State(0.0, 0.6, math.radians(60.0), 1.0)),
-        (law_of(0.5, 0.4), State(0.0, 0.6, math.pi, 0.3)),
-        (law_of(0.3, 0.9), State(0.0, support_height(SEGMENT, math.pi), math.pi)),
-        (law_of(0.3, 0.9), State(0.0, support_height(SEGMENT, 1.5), 1.5, 1.0, -1.0)),
-        (LAW, State(0.0, 0.6, 0.3, 1e200, 0.0, 1e200)),
-    ],
-    ids=["no velocity", "e = 1, f = 0", "e = 0", "edge of the arc", "chord", "chord at rest", "touching", "overflow"],
-)
-def test_whatever_the_descent_the_result_is_whole(solver: Any, rebounds: int, law: ContactLaw, launch: State) -> None:
-    """NaN just where no side holds; errors where there are values; distances not negative."""
-    found = sensitivity(SEGMENT, law, Slope(0.1, 3.0), launch, Settings(solver=solver, max_time=3.0), rebounds=rebounds)
-    count, width = min(rebounds, len(found.descent.rebounds)), len(found.parameters)
-    assert found.rebounds.shape == found.rebound_errors.shape == (count, len(REBOUND_QUANTITIES), width)
-    assert found.end.shape == found.end_errors.shape == (len(END_QUANTITIES), width)
-    assert found.sides.shape == (count + 1, width)
-    assert found.distances.shape == (count + 1, width, 2)
-    assert (found.distances >= 0.0).all()
-    assert (found.distances[1:] <= found.distances[:-1] * (1.0 + 1e-8)).all()  # more rebounds to agree with
-    assert (np.isnan(found.rebounds) == np.isnan(found.rebound_errors)).all()
-    if launch.u < 1e100:
-        closed = (found.distances == 0.0).all(axis=-1)
-        assert np.isnan(found.rebounds).all(axis=1)[closed[:-1]].all()
-        assert found.growth.shape == (count, len(STATE_AFTER))
+# --- zones, rest ------------------------------------------------------------------------------------------------------
 
 
 def times_into_a_zone(speed: float, gains: tuple[float, float], begin: float, length: float) -> tuple[float, float]:
@@ -614,24 +457,6 @@ def test_the_time_of_a_wheel_that_goes_into_a_zone_by_begin_and_surface(rolls: b
         assert found.of_end("t", "zone_1_rolling_arm") == pytest.approx(arm, rel=1e-9)
     assert ("zone_1_end" in found.parameters) == rolls  # a zone without end has none to vary
     assert "zone_2_begin" not in found.parameters
-
-
-@pytest.mark.parametrize(("solver", "restitution"), [("rigid", 0.4), ("rigid", 0.5), ("compliant", 0.5)])
-def test_the_restitution_of_a_zone_counts_as_that_of_the_law_does(solver: Any, restitution: float) -> None:
-    """Oracle: the descent without a zone, under a law with that restitution; what a zone has not is no parameter.
-
-    From 0.5 halved steps lead to 0, which springs must not have.
-    """
-    zone, settings = Zone(-9.0, math.inf, 0.1, 0.0, restitution=restitution), Settings(solver=solver, max_time=3.0)
-    launch = State(0.0, 1.0, 0.3, 1.0)
-    found = sensitivity(DISC, law_of(0.8, 0.1), Slope(0.1, zones=[zone]), launch, settings, rebounds=3)
-    plain = sensitivity(DISC, law_of(restitution, 0.1), Slope(0.1), launch, settings, rebounds=3)
-    for quantity in ("t", "v_after", "omega_after"):
-        of_zone, of_law = found.of_rebounds(quantity, "zone_1_restitution"), plain.of_rebounds(quantity, "restitution")
-        np.testing.assert_allclose(of_zone, of_law, rtol=1e-6, atol=1e-9)
-    assert np.abs(of_zone).max() > 0.1
-    assert found.of_end("t", "restitution") == 0.0
-    assert "zone_1_stiffness" not in found.parameters
 
 
 def test_a_body_at_rest_on_its_chord_stays_there_whatever_the_friction() -> None:

@@ -16,7 +16,7 @@ from sledenv.simulation.outlines import sines_and_cosines
 from sledenv.simulation.scene import Slope
 from sledenv.simulation.shapes import circular_segment, polygon
 from sledenv.simulation.sleds import sled
-from sledenv.simulation.support import resting_heights, support_height, support_heights
+from sledenv.simulation.support import resting_heights, support_heights
 
 Floats = NDArray[np.float64]
 
@@ -118,16 +118,3 @@ def test_on_a_plane_a_body_rests_at_its_support_height(name: str) -> None:
     x = np.where(np.arange(201) % 3 == 0, math.nan, np.linspace(-1e300, 1e300, 201))
     found = resting_heights(BODIES[name].record, x, phi, Grounds.of([np.empty((0, 3))]))
     np.testing.assert_array_equal(found, support_heights(BODIES[name].record, phi))
-
-
-@pytest.mark.parametrize("radius", [0.0, 0.5])
-def test_numbers_without_a_place_have_no_height(radius: float) -> None:
-    """Oracle: far before the profile and far behind it the ground is level."""
-    slope = Slope(0.1, profile=[(0.0, 0.0), (2.0, 1.0), (4.0, 0.0), (6.0, 1.0), (8.0, 0.0)], rounding=radius)
-    body, tracks = BODIES["sled"], Grounds.of((slope.vertices,))
-    (level,) = resting_heights(body.record, np.array([-1e300]), np.array([0.1]), tracks).tolist()
-    assert level == support_height(body, 0.1)
-    far = resting_heights(
-        body.record, np.array([1e300, math.inf, 3.0, 3.0]), np.array([0.1, 0.1, math.nan, math.inf]), tracks
-    )
-    np.testing.assert_array_equal(far, [level, math.nan, math.nan, math.nan])

@@ -38,15 +38,6 @@ def test_a_body_is_described_by_its_numbers_and_its_parts() -> None:
     assert first_line(wheel) == "body: mass 2 kg, inertia 0.1 kg m^2, size 0.4 m, 1 arc; parts: tyre"
 
 
-@pytest.mark.parametrize(
-    ("body", "corners"), [(DISC, False), (SLED, True), (BOULDER, False), (CRATE, True), (LINE, True), (RIDER, False)]
-)
-def test_the_rolling_arm_of_corners_is_told_where_there_are_some(body: Body, corners: bool) -> None:
-    descent = run(body, ICE, HILL, (0.0, 0.5, 0.2), max_time=1e-3)
-    words = setting(body, descent.law, descent.slope, descent.launch)
-    assert ("(0 m at a corner)" in words) == corners
-
-
 def test_a_profile_is_described_by_its_extent_and_its_radii() -> None:
     sharp = Slope(0.2, profile=[(1.0, 0.0), (2.0, 0.5), (4.0, -0.25)])
     for rounding, radii in ((0.0, ""), (1.5, ", radius 1.5 m"), ([0.0, 2.0, 0.5], ", radii 0 to 2 m")):

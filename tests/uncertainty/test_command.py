@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pandas as pd
@@ -97,15 +95,3 @@ def test_what_is_about_to_be_done_is_told_and_how_to_go_on(
     more = f", for {launches} asked for: they come in groups of 3, a power of two of groups" if rounded else ""
     assert (out, first) == ("", f"study: drop: {planned} launches{more}; results go to {folder}")
     assert second == "sledenv study: interrupted; the same command goes on where it was"
-
-
-def test_without_the_extra_the_command_to_install_it_is_named() -> None:
-    """Oracle: a process in which SALib cannot be imported; import sledenv alone loads neither pandas nor scipy."""
-    program = (
-        "import sys; sys.modules['SALib'] = None; import sledenv;"
-        "print('pandas' in sys.modules, 'scipy.stats' in sys.modules);"
-        "from sledenv.command.cli import main; sys.exit(main(['study', 'push_off']))"
-    )
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True)
-    assert (done.returncode, done.stdout) == (2, "False False\n")
-    assert "pip install 'sledenv[analysis]'" in done.stderr

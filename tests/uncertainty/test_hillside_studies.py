@@ -12,14 +12,12 @@ import pytest
 import yaml
 
 import sledenv
-from sledenv import Settings
 from sledenv.scenarios.bodies import RockBody
 from sledenv.scenarios.configuration import write_yaml
-from sledenv.simulation.checks import checked_scenes
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.records import FINISH, MOST_ZONES, STATUS_OF_CODE
 from sledenv.simulation.support import resting_heights, within_a_turn
-from sledenv.uncertainty import Study, StudyError, load_study, run, summary
+from sledenv.uncertainty import Study, StudyError, load_study, summary
 from sledenv.uncertainty.descents import descend_over, follow
 from sledenv.uncertainty.figures import plot_envelopes
 from tests.uncertainty.make import HILL, SECTION, UNIFORM, batch_of, drawn, lane_of
@@ -53,21 +51,6 @@ def test_passages_are_those_of_descents_that_end_there() -> None:
     assert swung <= 8  # over a place and back in one contact
     assert flown > 500
     assert touched > 50
-
-
-def test_passages_in_thin_air_are_those_without() -> None:
-    """Oracle: the flights that closed forms tell; a rock that feels next to nothing comes to the same places."""
-    study = hill()
-    scenes = drawn(study, 60)
-    thin = scenes._replace(bodies=scenes.bodies.copy())
-    thin.bodies["drag_area"] = 1e-8
-    settings = study.base.settings()
-    found, others = (descend_over(one, study.stations, settings) for one in (scenes, thin))
-    assert (others.outcomes["drag"] > 0.0).all()
-    assert (found.left_backwards == others.left_backwards).all()
-    one, other = found.seen[:, :4], others.seen[:, :4]  # later, differences have grown
-    assert (np.isnan(one) == np.isnan(other)).all()
-    assert (np.nanmedian(np.abs(one - other), axis=(0, 1)) < 1e-3).all()
 
 
 def test_whole_descents_are_those_of_a_plain_batch() -> None:
@@ -160,27 +143,6 @@ def test_as_many_runs_fit_as_there_are_zones_beside_the_commonest() -> None:
         striped(2 * MOST_ZONES + 3)
 
 
-@pytest.mark.parametrize("names", [(8, 3), ("no", "1e3"), ("gravel, loose", "a.b")])
-def test_a_material_may_have_any_name(names: tuple[Any, Any], tmp_path: Path) -> None:
-    """Oracle: the study with plain names, up to them; names out of a file are as those in Python."""
-    rows = [f'{x},{z},"{names[material == "soil"]}"' for x, z, material in SECTION]
-    (tmp_path / "hill.csv").write_text("\n".join(["x_m,z_m,material", *rows]))
-    text = yaml.safe_dump(HILL | {"terrain": {"section": "hill.csv"}, "materials": "HERE"}, sort_keys=False)
-    lines = [yaml.safe_dump(one, default_flow_style=True).strip() for one in HILL["materials"].values()]
-    keys = [f"'{name}'" if "," in str(name) else name for name in names]
-    materials = "".join(f"\n  {key}: {line}" for key, line in zip(keys, lines, strict=True))
-    (tmp_path / "hill.yaml").write_text(text.replace("HERE", materials))
-    found = load_study(tmp_path / "hill.yaml")
-    assert found.materials.keys() == {str(name) for name in names}
-    values = found.values(run.draws(found)[:12])
-    assert found.scenes(values).table.tobytes() == hill().scenes(values).table.tobytes()
-    assert found.scenes(values).zones.tobytes() == hill().scenes(values).zones.tobytes()
-    if isinstance(names[0], int):
-        section = [[x, z, names[material == "soil"]] for x, z, material in SECTION]
-        both = dict(zip(names, HILL["materials"].values(), strict=True))
-        assert hill(terrain={"section": section}, materials=both).key == found.key
-
-
 STEEP = """# a face, an overhang and a vertical toe, as they are surveyed
 x_m,z_m,material
 0,60.5,8
@@ -241,20 +203,6 @@ def test_rocks_that_roll_back_over_the_start_are_a_share_of_their_own(tmp_path: 
     assert last["other"] == 0.0
     assert last[["moving", "finished", "jammed", "left_backwards", "tumbled"]].sum() == pytest.approx(1.0)
     assert {"left_backwards", "jammed"} <= set(result.sobol["output"])
-
-
-def test_who_has_left_backwards_comes_to_no_place_afterwards() -> None:
-    """Oracle: a disc that spins backwards, by hand: behind the start it meets a wall in the ground and comes back."""
-    ground = [(-6.0, 4.0), (-2.0, 0.0), (0.0, 0.0), (30.0, -1.0)]
-    slope = sledenv.Slope(0.0, 30.0, profile=ground)
-    law = sledenv.ContactLaw.from_restitution(0.6, stiffness=1e7, friction=0.1, rolling_arm=0.0)
-    launches = [sledenv.State(3.0, 0.6, 0.0, speed) for speed in (-6.0, 6.0)]
-    settings = Settings(max_time=60.0)
-    scenes = checked_scenes(sledenv.disc(50.0, 0.3), law, slope, launches, settings)
-    assert (follow(scenes, np.array([30.0, 30.0]), False, settings.limits)["status"] == FINISH).all()
-    found = descend_over(scenes, np.array([3.0, 5.0, 30.0]), settings)
-    assert found.left_backwards.tolist() == [True, False]
-    assert np.isnan(found.columns["speed_m_s"]).tolist() == [[False, True, True], [False, False, False]]
 
 
 def test_elevations_of_a_study_are_those_of_its_section(tmp_path: Path) -> None:

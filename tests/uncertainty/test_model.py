@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import math
 import pickle
-from pathlib import Path
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import pytest
-import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -27,12 +25,6 @@ from tests.uncertainty.make import DROP, PUSH, ZONED, batch_of, lane_of, made, m
 
 UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
 FAR = {"kind": "uniform", "low": 8, "high": 10}
-
-
-def written(folder: Path, content: Any) -> Path:
-    path = folder / "one.yaml"
-    path.write_text(yaml.safe_dump(content))
-    return path
 
 
 @pytest.mark.parametrize("name", study_names())

@@ -15,7 +15,6 @@ from sledenv.uncertainty.terrain import read_section
 from tests.own_scenarios import own_scenario
 from tests.uncertainty.make import DROP, HILL, PUSH, ROLLERS, SECTION, UNIFORM, made, mapping
 
-SOIL = HILL["materials"]["soil"]
 BUMPS = {"height_m": [0.2, 0.4], "face_m": UNIFORM, "top_m": 0.5, "gap_m": [1, 2], "start_m": 3}
 
 
@@ -90,23 +89,6 @@ def test_a_wrong_study_is_refused_by_name_of_the_key(
     with pytest.raises(StudyError, match=r"one\.yaml: ") as error:
         load_study(tmp_path / "one.yaml")
     assert words in str(error.value)
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("", "one.yaml"),
-        ("- 1", "one.yaml"),
-        ("id: [", "one.yaml"),
-        ("id: a\nid: b", "one.yaml"),
-        (None, "cannot be read"),
-    ],
-)
-def test_a_file_that_is_no_mapping_is_refused(text: str | None, words: str, tmp_path: Path) -> None:
-    if text is not None:
-        (tmp_path / "one.yaml").write_text(text)
-    with pytest.raises(StudyError, match=words):
-        load_study(tmp_path / "one.yaml")
 
 
 @pytest.mark.parametrize(

@@ -15,11 +15,10 @@ from scipy import stats
 import sledenv
 from sledenv import Settings, simulate, simulate_batch
 from sledenv.machine.workers import Call
-from sledenv.simulation.scene import Zone
 from sledenv.uncertainty import StudyError, run, summary
 from sledenv.uncertainty.descents import descend_past
 from tests.bodies import same_bits
-from tests.uncertainty.make import DROP, PUSH, ZONED, batch_of, drawn, lane_of, made
+from tests.uncertainty.make import DROP, PUSH, batch_of, lane_of, made
 
 GRAVITY = 9.81
 FEW = 80  # launches a block, at most
@@ -106,28 +105,6 @@ def test_sobol_indices_of_a_fall_are_those_of_its_closed_form(tmp_path: Path) ->
         assert abs(found.loc[name, "first"]) <= found.loc[name, "first_conf"] + 1e-12
         assert found.loc[name, "total"] == pytest.approx(0.0, abs=1e-12)
     assert set(result.sobol["output"]) == {"time_s", "kinetic_j"}  # nothing else varies
-
-
-@pytest.mark.parametrize("solver", ["rigid", "compliant"])
-def test_speed_in_contact_is_that_of_a_frictionless_slide(solver: str, tmp_path: Path) -> None:
-    """Oracle: u^2 + 2 g sin(beta) x at every station, one contact that lasts throughout."""
-    result = find(
-        DROP,
-        tmp_path / "out",
-        solver=solver,
-        launches=8,
-        slope={"angle_deg": between(5, 15), "length_m": 4},
-        launch={"speed_m_s": 1, "drop_m": 0},
-        limits__max_rebounds=100,
-        contact__restitution=0.01,
-        stations_m=[0.5, 3.9],
-    )
-    table = result.read()
-    downhill = GRAVITY * np.sin(np.radians(table["slope.angle_deg"].to_numpy()))
-    for k, x in enumerate((0.0, 0.5, 3.9)):
-        assert table[f"speed_m_s_{k}"].to_numpy() == pytest.approx(np.sqrt(1.0 + 2.0 * downhill * x), rel=1e-7)
-    assert table["speed_m_s"].to_numpy() == pytest.approx(np.sqrt(1.0 + 8.0 * downhill), rel=1e-7)
-    assert (result.envelopes["moving"] == 1.0).all()
 
 
 def test_passages_are_descents_on_slopes_that_end_there() -> None:
@@ -361,19 +338,3 @@ def test_what_is_printed_is_what_was_found(pushed: sledenv.uncertainty.StudyResu
     again = sledenv.uncertainty.load_study(pushed.folder / "study.yaml")
     assert again.key == pushed.study.key
     assert again.launches == pushed.study.launches
-
-
-def test_draws_of_a_zone_go_where_their_keys_say() -> None:
-    """Oracle: the zone of each draw, in the place of that of the scenario; a body of each draw."""
-    study = made(ZONED, body__rider_mass_kg=between(60.0, 90.0))
-    values = study.values(run.draws(study)[:20])
-    scenes = study.scenes(values)
-    for i, row in enumerate(values):
-        given = dict(zip(study.parameters, row.tolist(), strict=True))
-        body = study.base.body_section.model_copy(update={"rider_mass_kg": given["body.rider_mass_kg"]}).build()
-        same_bits(scenes.bodies[scenes.body[i]], body.record[0])
-        expected = Zone(given["zone.begin_m"], np.inf, given["zone.friction"], 0.001, 0.001)
-        assert lane_of(scenes, i).slope.zones == (expected,)
-    cut = made(ZONED, zone__end_m=4.0)
-    with pytest.raises(ValueError, match=r"zones\[0\]\.end = 4\.0: must be > its begin, 4\.\d+ m"):
-        drawn(cut, 60)

@@ -15,7 +15,6 @@ from sledenv.uncertainty import load_study, run
 from sledenv.uncertainty.descents import descend_past
 from tests.uncertainty.make import ROLLERS, drawn, lane_of, made, mapping
 
-UNIFORM = {"kind": "uniform", "low": 0.2, "high": 0.3}
 PROFILE = [[3, 0], [6, 0.4], [7, 0.4], [9, 0], [12, 0], [15, 0.3], [18, 0]]
 BUMPS = {"height_m": [0.2, 0.4], "face_m": [2, 3], "top_m": 0.5, "gap_m": [1, 2], "start_m": 3}
 
