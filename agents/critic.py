@@ -256,14 +256,14 @@ class Agent:
         critic = Critic(width, features_of(problem).width, layers, bins, blur)
         turns = max(2, math.ceil(steps / (settings["n_envs"] * settings["n_steps"])))
         episodes, learner = Episodes(problem, settings, seed), _Learner(critic, settings, turns, seed)
-        best, most = learner.averaged, -1.0
+        best, most, before = learner.averaged, -1.0, curve.descents  # those of the critics before
         with ThreadPoolExecutor(1) as pool:
             coming = pool.submit(episodes.sample, None)
             for turn in range(turns):
                 learner.add(coming.result())
                 known = copy.deepcopy(learner.averaged)
                 if turn % max(1, turns // settings["checks"]) == 0 or turn == turns - 1:  # while nothing else runs
-                    check = curve.check(cls(problem, [known]), episodes.ended)
+                    check = curve.check(cls(problem, [known]), before + episodes.ended)
                     if check.mean_reward > most:
                         best, most = known, check.mean_reward
                     if sys.stderr.isatty():

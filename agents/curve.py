@@ -34,6 +34,11 @@ class Curve:
     problem : Problem
     folder : Path
         Of the run; the file is begun.
+
+    Attributes
+    ----------
+    descents : int
+        How many had been learned from at the last check.
     """
 
     def __init__(self, problem: Problem, folder: Path) -> None:
@@ -42,6 +47,7 @@ class Curve:
         self._path = folder / FILE
         self._begun = time.perf_counter()
         self._judging = 0.0
+        self.descents = 0
         with self._path.open("w", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow(["descents", "seconds", "mean_reward", "finished"])
 
@@ -54,4 +60,5 @@ class Curve:
         with self._path.open("a", encoding="utf-8", newline="") as file:
             csv.writer(file).writerow([descents, f"{seconds:.2f}", *check])
         self._judging += time.perf_counter() - begun
+        self.descents = descents
         return check

@@ -196,6 +196,24 @@ def test_the_best_action_is_done_however_many_are_rated_together(environment):
         assert Agent(problem, [critic]).expected(seen[lane : lane + 1])[0] == pytest.approx(max(smooth), abs=1e-4)
 
 
+@pytest.mark.parametrize("environment", ["descent", "launch"])
+def test_equal_seeds_give_equal_agents_and_others_do_not(environment, tmp_path, monkeypatch):
+    """And the learning curve counts the descents of both critics, one behind the other; a launch is one."""
+    monkeypatch.setattr(curve, "_CONTEXTS", 4)
+    problem = Problem("sled_kickers", "descent", columns=COLUMNS) if environment == "descent" else Problem("sled_mat")
+    weights = []
+    for i, seed in enumerate((1, 1, 2)):
+        folder = tmp_path / str(i)
+        folder.mkdir()
+        agent = Agent.train(problem, settings(problem), seed, folder)
+        weights.append(agent._critics[0].last.weight.detach().numpy())
+        descents = np.loadtxt(folder / "learning_curve.csv", delimiter=",", skiprows=1)[:, 0]
+        assert (np.diff(descents) > 0).all()
+        assert environment == "descent" or descents.tolist() == [40, 80, 120, 160]
+    assert np.array_equal(*weights[:2])
+    assert not np.array_equal(*weights[1:])
+
+
 def test_weights_are_plain_finite_numbers_and_critics_are_rated_in_the_mean(problem, tmp_path):
     """Oracle: NumPy, which refuses to run what a file holds; the mean of what each critic rates; the message."""
     torch.manual_seed(4)

@@ -20,6 +20,7 @@ from sledenv.benchmark.runs import agent_name, load_run
 from sledenv.benchmark.scores import mean_interval, ratio_interval, share_interval, told
 from sledenv.machine.blame import attribute_errors_to
 from sledenv.scenarios.scenario import Scenario, load_scenario
+from sledenv.simulation.rules import checked_flag
 
 # Attributes of an evaluation that a reference fills, and its columns.
 _REFERENCE: Final = {"lower": "lower", "lower_fallen": "lower_falls", "clairvoyant": "clairvoyant"}
@@ -225,7 +226,7 @@ def evaluate(
     >>> print(f"{found.ratio:.3f}, {found.falls:.1%} fall")
     0.730, 37.0% fall
     """
-    if shifted and tracks:
+    if checked_flag("shifted", shifted) & checked_flag("tracks", tracks):
         raise ValueError("tracks = True: must be False where shifted is True")
     count = _checked_contexts(contexts)
     asked = scenario if isinstance(scenario, Scenario | None) else load_scenario(scenario)

@@ -140,10 +140,7 @@ class Problem:
         observe: Literal["all"] | Sequence[str] = "all",
         columns: Sequence[str] = GROUPS,
     ) -> None:
-        if environment not in ENVIRONMENTS:
-            known = ", ".join(map(repr, get_args(Environment)))
-            raise ValueError(f"environment = {environment!r}: must be one of {known}")
-        ride = environment == "descent"
+        ride = checked_choice("environment", environment, get_args(Environment)) == "descent"
         seen: dict[str, Any] = {"observe": observe, "columns": columns}
         self.task = Task(scenario, control, ride=ride, solver=solver, launch_noise=launch_noise, **seen)
         self.scenario = self.task.scenario

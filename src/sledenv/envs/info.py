@@ -12,6 +12,7 @@ from sledenv.envs.inputs import FIELDS, Contexts
 from sledenv.scenarios.scenario import Context
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import FINISH, LEDGER_FIELDS, REBOUND
+from sledenv.simulation.rules import checked_names
 from sledenv.simulation.scene import State
 from sledenv.simulation.scenes import Scenes
 
@@ -25,10 +26,7 @@ _LAUNCHED: Final = {
 
 def checked_info(info: Sequence[str]) -> tuple[str, ...]:
     """Return which entries of info are to be given, or raise ValueError."""
-    listed = not isinstance(info, str) and isinstance(info, Iterable)
-    if not listed or not all(isinstance(key, str) and key in INFO_KEYS for key in info):
-        raise ValueError(f"info = {info!r}: must be a sequence of any of {', '.join(map(repr, INFO_KEYS))}")
-    return tuple(info)
+    return checked_names("info", info, INFO_KEYS)
 
 
 def only_lane(columns: dict[str, Any]) -> dict[str, Any]:

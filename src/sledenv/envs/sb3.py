@@ -84,6 +84,7 @@ def make_vec_env(
     for name, why in _OWN.items():
         if name in kwargs:
             raise TypeError(f"env_kwargs[{name!r}] = {kwargs[name]!r}: must be left out, {why}")
+    start_index = checked_seed(start_index, "start_index")
     if seed is not None:
         seed = checked_seed(seed)
     env = gym.make_vec(
@@ -97,7 +98,7 @@ def make_vec_env(
     adapter = SledVecEnv(env)
     adapter.seed(seed)
     if seed is not None:
-        adapter.action_space.seed(seed + checked_seed(start_index, "start_index"))
+        adapter.action_space.seed(seed + start_index)
     return adapter
 
 

@@ -28,7 +28,14 @@ from sledenv.simulation.outcomes import Descent, DescentBatch, Record
 from sledenv.simulation.outlook import AHEAD
 from sledenv.simulation.records import Status
 from sledenv.simulation.ride import Ride
-from sledenv.simulation.rules import NOT_NEGATIVE, checked, checked_choice, checked_rows
+from sledenv.simulation.rules import (
+    NOT_NEGATIVE,
+    checked,
+    checked_choice,
+    checked_names,
+    checked_rows,
+    has_no_length,
+)
 from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 from sledenv.simulation.simulate import simulate
@@ -151,7 +158,7 @@ class Task:
             checked_choice(name, value, allowed)
         if split is not None:
             check_split(split)
-        if not isinstance(launch_noise, Sequence | np.ndarray) or len(launch_noise) != 2:
+        if not isinstance(launch_noise, Sequence | np.ndarray) or has_no_length(launch_noise) or len(launch_noise) != 2:
             raise ValueError(f"launch_noise = {launch_noise!r}: must be two numbers, of {' and '.join(NOISY)}")
         named = zip(NOISY, launch_noise, strict=True)
         self.noise = np.array([checked("launch_noise", name, sigma, NOT_NEGATIVE) for name, sigma in named])
@@ -451,11 +458,10 @@ def _told(vertices: np.ndarray, x: float) -> NDArray[np.float64]:
 def _grouped(columns: Sequence[str], ride: bool) -> tuple[str, ...]:
     """Return the groups of columns that an observation has, in their order, or raise ValueError."""
     known = GROUPS if ride else (GROUPS[0], GROUPS[2])
-    listed = not isinstance(columns, str) and isinstance(columns, Iterable)
-    given = tuple(columns) if listed else ()
-    if not ride and given == GROUPS:  # all that there are
+    if not ride and isinstance(columns, tuple | list) and tuple(columns) == GROUPS:  # all that there are
         return known
-    if not given or not all(isinstance(name, str) and name in known for name in given):
+    given = checked_names("columns", columns, known)
+    if not given:
         raise ValueError(f"columns = {columns!r}: must be a sequence of any of {', '.join(map(repr, known))}")
     return tuple(name for name in known if name in given)
 
@@ -465,11 +471,8 @@ def _observed(observe: Literal["all"] | Sequence[str]) -> tuple[str, ...]:
     fields = Context.seen
     if isinstance(observe, str) and observe == "all":
         return fields
-    listed = not isinstance(observe, str) and isinstance(observe, Iterable)
-    if not listed or not all(isinstance(name, str) and name in fields for name in observe):
-        known = ", ".join(map(repr, fields))
-        raise ValueError(f"observe = {observe!r}: must be 'all' or a sequence of any of {known}")
-    return tuple(name for name in fields if name in set(observe))
+    given = checked_names("observe", observe, fields, "'all' or a sequence of any of")
+    return tuple(name for name in fields if name in given)
 
 
 def highest_support(body: Body) -> float:

@@ -95,6 +95,7 @@ def identify_tracks(
     """
     checked_choice("solver", solver, get_args(Solver))
     checked_choice("loss", loss, get_args(Loss))
+    rng = np.random.default_rng(checked_seed(seed))
     body, slope = made_body(body), made("slope", Slope, slope)._replace(length=math.inf)
     if body.drag_area > 0.0:
         wanted = "must be 0, fits know no air: body.replace(drag_area=0.0)"
@@ -110,7 +111,7 @@ def identify_tracks(
     model = Model(body, slope, solver, recordings, parameters_of(body, solver, recordings, limits), loss)
     if solver == "rigid":
         held[STIFFNESS] = model.parameters[0].high  # which rigid surfaces do not use
-    search = Search(model, held, np.random.default_rng(checked_seed(seed)))
+    search = Search(model, held, rng)
     fits = search.run()
     if not fits:
         raise ValueError(_nothing_told(search))

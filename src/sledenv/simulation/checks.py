@@ -16,7 +16,7 @@ from sledenv.simulation.bodies import Body, made_body, records_of
 from sledenv.simulation.fineness import too_fine
 from sledenv.simulation.grounds import Grounds
 from sledenv.simulation.lanes import check_room
-from sledenv.simulation.rules import checked_rows, checked_table, is_frame, made, or_absent, warn_user
+from sledenv.simulation.rules import checked_rows, checked_table, has_no_length, is_frame, made, or_absent, warn_user
 from sledenv.simulation.scene import (
     AIR_DENSITY,
     ContactLaw,
@@ -160,7 +160,8 @@ def _rows_of_laws(given: Any, lanes: int) -> np.ndarray:
 
 def _check_rows(name: str, kind: type[Any], given: Any, lanes: int) -> None:
     """Refuse what is not a sequence of as many rows as lanes."""
-    if not (isinstance(given, np.ndarray | Sequence) or is_frame(given)) or isinstance(given, tuple | str):
+    listed = isinstance(given, np.ndarray | Sequence) and not isinstance(given, tuple | str)
+    if not (listed or is_frame(given)) or has_no_length(given):
         raise TypeError(f"{name} = {given!r}: must be a {kind.__name__} or a sequence of them")
     if len(given) != lanes:
         raise ValueError(f"{name}: {len(given)} given for {lanes} launches; give one or one a launch")

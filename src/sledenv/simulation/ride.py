@@ -24,6 +24,7 @@ from sledenv.simulation.rules import (
     checked,
     checked_array,
     checked_choice,
+    checked_flag,
     checked_table,
 )
 from sledenv.simulation.scene import ContactLaw, Slope, State
@@ -226,9 +227,10 @@ class RideBatch:
     ) -> None:
         self.settings = checked_settings(settings)
         self.rotor_inertia, shortest = _checked_rider("RideBatch", rotor_inertia, shortest_flight)
+        kept = checked_flag("keep_rebounds", keep_rebounds)
         scenes = self._checked(body, law, slope, launches)
         limits = limits_of(body, self.settings)._replace(shortest_flight=shortest)
-        logs = new_logs(len(scenes.rows), self.settings.max_rebounds) if keep_rebounds else NO_LOGS
+        logs = new_logs(len(scenes.rows), self.settings.max_rebounds) if kept else NO_LOGS
         self._lanes = Simulator(scenes, self.settings.solver == "rigid", limits, logs)
 
     def _checked(self, body: Bodies, law: Laws, slope: Slopes, launches: ArrayLike) -> Scenes:
@@ -329,12 +331,15 @@ class RideBatch:
         """Numbers of lanes that an index of numpy means."""
         try:
             return np.asarray(np.arange(len(self._lanes.flights))[lanes])
-        except IndexError as error:
+        except (IndexError, ValueError) as error:  # among them lists of different lengths
             raise IndexError(f"lanes = {lanes!r}: must be among {len(self._lanes.flights)} lanes: {error}") from None
 
     def _checked_numbers(self, lanes: np.ndarray, count: int) -> np.ndarray:
         """Return the numbers of so many lanes that are launched, or raise TypeError or ValueError."""
-        numbers = np.asarray(lanes)
+        try:
+            numbers = np.asarray(lanes)
+        except ValueError:  # lists of different lengths
+            numbers = np.asarray(None)
         if numbers.dtype.kind not in "iu" and numbers.size:
             raise TypeError(f"lanes = {lanes!r}: must be whole numbers")
         if numbers.shape != (count,):

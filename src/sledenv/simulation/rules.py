@@ -301,6 +301,24 @@ def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
     return value
 
 
+def checked_names(
+    name: str, given: Any, allowed: Sequence[str], wanted: str = "a sequence of any of"
+) -> tuple[str, ...]:
+    """Return words of a sequence, each of which is allowed, or raise ValueError."""
+    try:
+        names = None if isinstance(given, str) else tuple(given)
+    except TypeError:
+        names = None
+    if names is None or not all(isinstance(one, str) and one in allowed for one in names):
+        raise ValueError(f"{name} = {given!r}: must be {wanted} {', '.join(map(repr, allowed))}")
+    return names
+
+
+def has_no_length(value: object) -> bool:
+    """Whether this is an array of no dimensions, such as ``numpy.ma.masked``, which is no sequence either."""
+    return getattr(value, "ndim", 1) == 0
+
+
 def is_whole(value: object) -> bool:
     """Whether this is a whole number of some kind; a time of NumPy's is none."""
     return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
@@ -326,7 +344,7 @@ def checked_seed(value: int | np.integer[Any], name: str = "seed") -> int:
 
 def checked_pair(name: str, value: tuple[Any, Any]) -> tuple[Any, Any]:
     """Return two of something, or raise TypeError."""
-    if not isinstance(value, tuple | list | np.ndarray) or len(value) != 2:
+    if not isinstance(value, tuple | list | np.ndarray) or has_no_length(value) or len(value) != 2:
         raise TypeError(f"{name} = {value!r}: must be a pair")
     first, second = value
     return first, second

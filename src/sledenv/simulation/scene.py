@@ -23,6 +23,7 @@ from sledenv.simulation.rules import (
     Rule,
     checked,
     checked_fields,
+    has_no_length,
     made,
     numbers_of,
 )
@@ -65,7 +66,7 @@ def checked_profile(given: Any, rounding: Any = 0.0) -> Profile:
 
 def _checked_rounding(given: Any, count: int) -> Floats:
     """Return the radius [m] of each of so many vertices, or raise TypeError or ValueError."""
-    if isinstance(given, tuple | list | np.ndarray) and np.ndim(given) == 1:
+    if isinstance(given, tuple | list) or (isinstance(given, np.ndarray) and given.ndim == 1):
         if isinstance(given, tuple) and not given:
             return np.zeros(count)
         if len(given) != count:
@@ -480,7 +481,7 @@ def _checked_zones(zones: Any, length: float) -> tuple[Zone, ...]:
     """Return the zones of a slope of some length [m], each checked, or raise TypeError or ValueError."""
     if isinstance(zones, tuple) and not zones:
         return ()
-    if isinstance(zones, str | Zone) or not isinstance(zones, Iterable):
+    if isinstance(zones, str | Zone) or not isinstance(zones, Iterable) or has_no_length(zones):
         raise TypeError(f"Slope.zones = {zones!r}: must be a sequence of Zone")
     made_zones = tuple(made(f"Slope.zones[{k}]", Zone, zone) for k, zone in enumerate(zones))
     if len(made_zones) > MOST_ZONES:

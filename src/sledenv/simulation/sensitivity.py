@@ -657,7 +657,7 @@ def _checked_parameters(given: Sequence[str] | None, body: Body, slope: Slope, s
         raise ValueError(f"parameters = {given!r}: must be a sequence of names, at least one")
     known = tuple(name for name in PARAMETERS if name not in absent)
     for name in given:
-        if name in absent:
+        if isinstance(name, str) and name in absent:
             raise ValueError(f"parameters: the slope has no {name!r} that could be varied")
         checked_choice("parameters", name, known)
         if name in foreign:

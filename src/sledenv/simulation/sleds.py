@@ -135,7 +135,7 @@ def _on_runners(arcs: tuple[Arc, ...], bow_radius: float) -> tuple[Arc, ...]:
     """Bend the straight side between the ends of the runners."""
     following = [*arcs[1:], arcs[0]]
     sides = [k for k, arc in enumerate(arcs) if arc.part == following[k].part == RUNNER]
-    if not sides:
+    if len(sides) != 1:
         raise ValueError("sled: the runners must be on the outline: the rider is too large, or lies too far off")
     (k,) = sides
     try:

@@ -19,7 +19,7 @@ from sledenv.machine.workers import Call, Runner, runner
 from sledenv.scenarios.configuration import write_yaml
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.records import LIBRARY, LOSSES, STATUS_OF_CODE
-from sledenv.simulation.rules import checked_count
+from sledenv.simulation.rules import checked_count, checked_flag
 from sledenv.uncertainty import summary
 from sledenv.uncertainty.descents import PASSING, descend_over, descend_past
 from sledenv.uncertainty.distributions import EDGE
@@ -77,6 +77,9 @@ def study(
         If Ray is asked for and missing.
     """
     one = given if isinstance(given, Study) else load_study(given)
+    if not isinstance(out, str | os.PathLike):
+        raise TypeError(f"out = {out!r}: must be the path of a folder")
+    shown = checked_flag("progress", progress)
     if launches is not None:
         one = one.model_copy(update={"launches": checked_count("launches", launches)})
     run = runner(None if workers is None else checked_count("workers", workers), ray)
@@ -84,7 +87,7 @@ def study(
     check_free(folder, os.fspath(out), {*FILES, *(entry.name for entry in folder.glob(".*"))})
     drawn = draws(one)
     one.check_bodies(one.values(drawn))
-    files = _simulate(one, drawn, folder, out, run, progress)
+    files = _simulate(one, drawn, folder, out, run, shown)
     tables = _tables(one, files)
     result = StudyResult(one, folder, len(drawn), files, **tables)
     for name, table in tables.items():
