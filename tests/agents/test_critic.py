@@ -7,6 +7,7 @@ import pytest
 import torch
 from scipy.special import ndtr
 
+from sledenv.agents import curve
 from sledenv.agents.critic import _ACTING, _BLOCK, Agent, Critic, Episodes, Search, _write
 from sledenv.agents.features import LaunchFeatures, RideFeatures, features_of
 from sledenv.benchmark.problem import Problem
