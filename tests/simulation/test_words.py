@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 
 import pytest
 
@@ -11,7 +12,7 @@ from sledenv.pages.columns import trajectory_columns
 from sledenv.simulation.bodies import Body, segment
 from sledenv.simulation.outlines import Arc
 from sledenv.simulation.scene import ContactLaw, Slope, State
-from sledenv.simulation.shapes import circular_segment
+from sledenv.simulation.shapes import circular_segment, hull
 from sledenv.simulation.words import rebound_cells, rounded, setting, story
 from tests.bodies import DISC, HILL, ICE, SLED, run
 from tests.plot.outlined import BOULDER, CRATE, LINE, RIDER, descent_of
@@ -36,6 +37,8 @@ def test_a_body_is_described_by_its_numbers_and_its_parts() -> None:
     )
     wheel = Body(2.0, 0.1, [Arc(0.0, 0.1, 0.3, 0.0, "tyre")])
     assert first_line(wheel) == "body: mass 2 kg, inertia 0.1 kg m^2, size 0.4 m, 1 arc; parts: tyre"
+    stone = hull(2.0, [(0.3 * math.cos(k), 0.3 * math.sin(k), 0.05) for k in range(6)])
+    assert first_line(stone).endswith("6 arcs; 12 parts")
 
 
 def test_a_profile_is_described_by_its_extent_and_its_radii() -> None:

@@ -14,6 +14,8 @@ from sledenv.simulation.scene import ContactLaw, Slope, State, Zone
 from sledenv.simulation.sensitivity import END_QUANTITIES, LAUNCH, PARAMETERS, Sensitivity
 from sledenv.simulation.support import clearance
 
+_MOST_PARTS: Final = 8  # that are named in a line
+
 
 def part_name(body: Body, code: int) -> str:
     """Return the part of a body that touches, such as "arc", from its code in records; "none" in flight."""
@@ -105,7 +107,8 @@ def _body_words(body: Body) -> str:
         corners = f"half-angle {math.degrees(body.half_angle):.4g} deg" if _has_corners(body) else "no corners"
         return f"{mass}, radius {body.radius:.4g} m, eccentricity {body.eccentricity:.4g} m, {inertia}, {corners}"
     arcs = "1 arc" if len(body.arcs) == 1 else f"{len(body.arcs)} arcs"
-    return f"{mass}, {inertia}, size {body.size:.4g} m, {arcs}; parts: {', '.join(body.parts)}"
+    parts = f"{len(body.parts)} parts" if len(body.parts) > _MOST_PARTS else f"parts: {', '.join(body.parts)}"
+    return f"{mass}, {inertia}, size {body.size:.4g} m, {arcs}; {parts}"
 
 
 REBOUND_HEADER = (
