@@ -243,10 +243,13 @@ def test_an_editable_install_works_from_every_folder(built: Path) -> None:
     files = [clone / name for name in ("src/sledenv/__init__.py", "agents/zero.py", "configs/__init__.py")]
     command = [sys.executable, "-S", "-c", EDITABLE, str(site), *sys.path]
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    objects = clone / "src/sledenv/objects"  # lent, or the kernel would be compiled for more than a minute
+    shutil.copytree(ROOT / "src/sledenv/objects", objects)
     for folder in (built, clone, empty):
         done = subprocess.run(command, cwd=folder, env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         assert [Path(line) for line in done.stdout.splitlines()] == files
+    shutil.rmtree(objects)
 
 
 @pytest.mark.slow
