@@ -134,7 +134,7 @@ def plot_strobe(
         figure.align_ylabels(axes)
         figure.colorbar(speed, ax=axes, label="speed [m/s]", shrink=0.9 if len(axes) == 1 else 0.6, aspect=24, pad=0.02)
         figure.legend(
-            handles=_keys(panels, interval), loc="outside lower center", ncols=5, columnspacing=1.3, handletextpad=0.5
+            handles=_keys(panels, interval), loc="outside lower center", ncols=4, columnspacing=1.3, handletextpad=0.5
         )
     return figure
 
