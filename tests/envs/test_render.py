@@ -11,6 +11,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Literal
 
+import gymnasium as gym
 import numpy as np
 import pygame
 import pytest
@@ -294,3 +295,17 @@ def test_what_is_no_film_is_named(given: dict[str, Any], message: str, tmp_path:
     with pytest.raises(ValueError, match=message):
         write_film(**own | {"path": tmp_path / own["path"]})
     assert list(tmp_path.iterdir()) == []
+
+
+def test_pictures_go_on_after_an_episode_that_was_cut_short() -> None:
+    """As reported in https://github.com/Farama-Foundation/Gymnasium-Robotics/issues/103, of black ones after the first.
+
+    Oracle: the picture of the same start in an environment that was made for it.
+    """
+    once, cut = (gym.make("sledenv/SledDescent-v0", render_mode="rgb_array", max_episode_steps=1) for _ in range(2))
+    cut.reset(seed=3)
+    assert cut.step(np.zeros(1, np.float32))[3]
+    for env in (once, cut):
+        env.reset(seed=4)
+    assert np.array_equal(once.render(), cut.render())
+    assert np.ptp(once.render()) > 0
