@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
 
 import sledenv
 from sledenv import ContactLaw, Slope, State, simulate
+from sledenv.simulation import Descent
 
 GRAVITY = 9.81
+BALL = sledenv.disc(1.0, 0.1)
+
+
+def dropped(restitution: float, friction: float = 0.0, u: float = 0.0, omega: float = 0.0, **how: Any) -> Descent:
+    """Drop the ball by a metre onto level ground."""
+    law = ContactLaw.from_restitution(restitution, stiffness=1e8, friction=friction, rolling_arm=0.0)
+    return simulate(BALL, law, Slope(0.0, math.inf), State(0.0, 1.1, 0.0, u, 0.0, omega), **how)
 
 
 def test_a_polygon_slides_over_a_bend_without_a_jerk() -> None:
@@ -23,15 +32,13 @@ def test_a_polygon_slides_over_a_bend_without_a_jerk() -> None:
     law = ContactLaw.from_restitution(1.0, stiffness=1e7, friction=0.0, rolling_arm=0.0)
     done = simulate(box, law, ground, State(0.5, 0.1, 0.0, 3.0, 0.0, 0.0), record="trajectory")
     assert done.status == "finish"
-    assert np.min(done.trajectory["u"]) > 3.0 - 1e-4  # 10 N of the law bend the ground by a micrometre
+    assert np.min(done.trajectory["u"]) > 3.0 - 1e-4  # all but what the springs give way by
     assert done.energy.hysteresis == pytest.approx(0.0, abs=1e-9 * done.energy.supplied)
 
 
 def test_an_elastic_ball_never_bounces_higher() -> None:
     """As reported in https://github.com/jrouwe/JoltPhysics/issues/1286. Oracle: the height of the first of 1,000."""
-    law = ContactLaw.from_restitution(1.0, stiffness=1e8, friction=0.0, rolling_arm=0.0)
-    start = State(0.0, 1.1, 0.0, 0.0, 0.0, 0.0)
-    done = simulate(sledenv.disc(1.0, 0.1), law, Slope(0.0, 10.0), start, max_rebounds=1000, max_time=1e4)
+    done = dropped(1.0, max_rebounds=1000, max_time=1e4)
     speed = np.abs(done.rebounds["v_after"])
     assert len(speed) == 1000
     np.testing.assert_allclose(speed, math.sqrt(2.0 * GRAVITY), rtol=1e-9)
@@ -42,14 +49,7 @@ def test_no_bounce_absorbs_what_is_left() -> None:
 
     Oracle: every speed is e times the one before, down to a few micrometres per second.
     """
-    law = ContactLaw.from_restitution(0.5, stiffness=1e8, friction=0.0, rolling_arm=0.0)
-    done = simulate(
-        sledenv.disc(1.0, 0.1),
-        law,
-        Slope(0.0, 10.0),
-        State(0.0, 1.1, 0.0, 0.0, 0.0, 0.0),
-        solver="rigid",
-    )
+    done = dropped(0.5, solver="rigid")
     speed = done.rebounds["v_after"]
     *_, last, zero = speed
     assert (zero, done.status) == (0.0, "jammed")
@@ -61,9 +61,7 @@ def test_no_bounce_absorbs_what_is_left() -> None:
 @pytest.mark.parametrize(("u", "omega"), [(0.0, 0.0), (20.0, 0.0), (0.0, 50.0), (20.0, -50.0)])
 def test_spin_and_speed_along_a_smooth_ground_leave_the_bounces_alone(u: float, omega: float) -> None:
     """As reported in https://github.com/avianphysics/avian/issues/200, of bounces that decay with spin."""
-    law = ContactLaw.from_restitution(1.0, stiffness=1e8, friction=0.0, rolling_arm=0.0)
-    start = State(0.0, 1.1, 0.0, u, 0.0, omega)
-    done = simulate(sledenv.disc(1.0, 0.1), law, Slope(0.0, math.inf), start, max_rebounds=50)
+    done = dropped(1.0, u=u, omega=omega, max_rebounds=50)
     np.testing.assert_allclose(done.rebounds["v_after"], math.sqrt(2.0 * GRAVITY), rtol=1e-9)
     np.testing.assert_allclose(done.rebounds["u_after"], u, atol=1e-12)
     np.testing.assert_allclose(done.rebounds["omega_after"], omega, atol=1e-12)
@@ -71,16 +69,11 @@ def test_spin_and_speed_along_a_smooth_ground_leave_the_bounces_alone(u: float, 
 
 @pytest.mark.parametrize("solver", ["rigid", "compliant"])
 def test_a_ball_is_spun_by_its_first_touch_and_not_by_its_last(solver: str) -> None:
-    """As reported in https://github.com/mbsim-env/mbsim/issues/49. Oracle: a disc that sticks keeps 2/3 of it."""
-    law = ContactLaw.from_restitution(0.7, stiffness=1e8, friction=2.0, rolling_arm=0.0)
-    done = simulate(
-        sledenv.disc(1.0, 0.1),
-        law,
-        Slope(0.0, 50.0),
-        State(0.0, 1.1, 0.0, 3.0, 0.0, 0.0),
-        solver=solver,
-        max_rebounds=1,
-    )
+    """As reported in https://github.com/mbsim-env/mbsim/issues/49.
+
+    Oracle: a disc that sticks keeps two thirds of its speed, and rolls.
+    """
+    done = dropped(0.7, friction=2.0, u=3.0, solver=solver, max_rebounds=1)
     first = done.rebounds[0]
     assert (first["u_after"], first["omega_after"]) == pytest.approx((2.0, -20.0), rel=1e-6)
 
@@ -118,7 +111,7 @@ def test_a_rolling_ball_does_not_hop() -> None:
     """
     law = ContactLaw.from_restitution(0.5, stiffness=1e6, friction=0.5, rolling_arm=0.0)
     start = State(0.0, 0.1, 0.0, 2.0, 0.0, -20.0)
-    done = simulate(sledenv.disc(1.0, 0.1), law, Slope(0.0, math.inf), start, max_time=50.0, record="trajectory")
+    done = simulate(BALL, law, Slope(0.0, math.inf), start, max_time=50.0, record="trajectory")
     assert done.rebounds["duration"].tolist() == [50.0]
     assert np.ptp(done.trajectory["y"]) < 2.0 * GRAVITY / law.stiffness
 
