@@ -183,7 +183,7 @@ def train(module: str, problem: Problem, settings: dict[str, Any], seed: int, fo
 def _remove_killed(folder: Path) -> None:
     """Remove what runs into a folder have left that were killed: nobody holds its lock."""
     for left in folder.parent.glob(f".{glob.escape(folder.name)}-*{_PART}/{_LOCK}"):
-        with suppress(BlockingIOError), alone(left, wait=False):
+        with suppress(OSError), alone(left, wait=False):  # it is held, or another one has just removed it
             shutil.rmtree(left.parent, ignore_errors=True)
 
 
