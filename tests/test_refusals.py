@@ -18,7 +18,7 @@ import pandas as pd
 import pytest
 
 import sledenv
-from sledenv import Body, ContactLaw, Settings, Slope, State, Zone
+from sledenv import Body, ContactLaw, Settings, Slope, State, Zone, plot
 from sledenv.agents import land_flat, land_parallel
 from sledenv.benchmark.oracle import rewards_of
 from sledenv.benchmark.problem import Problem
@@ -57,6 +57,7 @@ SIDES = [Arc(1.0, 1.0, 0.0, -math.pi), Arc(1.0, -1.0, 0.0, -math.pi / 2), Arc(-1
 SIDES += [Arc(-1.0, 1.0, 0.0, math.pi / 2)]  # of a square
 HILL = ((-1.0, 0.0), (0.0, 1.0), (2.0, 0.5))
 LAUNCHES = np.array([LAUNCH, LAUNCH])
+FELL = sledenv.simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory")
 FRAME = pd.DataFrame(LAUNCHES, columns=State._fields)
 ID, ROLLERS, HALF = "sledenv/SledLaunch-v0", load_scenario("sled_rollers"), np.full((2, 11), 0.5)
 
@@ -172,6 +173,7 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Slope of a hill": (Slope, {"angle": 0.1, "profile": HILL}),
         "Slope.from_terrain": (Slope.from_terrain, {"x": [0.0, 1.0, 1.1], "z": [1.0, 0.0, -0.1], "angle": 0.0}),
         "Slope.height_at": (INCLINE.height_at, {}),
+        "Slope.friction_at": (INCLINE.friction_at, {"x": 1.0, "elsewhere": 0.1}),
         "State": (State, LAUNCH._asdict()),
         "Settings": (Settings, {}),
         "fit_ground": (fit_ground, {"vertices": [(0.0, 0.0), (1.0, 0.0)], "tolerance": 0.1}),
@@ -221,6 +223,7 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "Scenario.given": (ROLLERS.given, {"context": Context(*ROLLERS.ranges[0])}),
         "context given": (in_context, {}),
         "Scenario.contexts": (load_scenario("sled_snow").contexts, {"draws": HALF}),
+        "Scenario.check": (ROLLERS.check, {}),
         "Scenario.scenes": (ROLLERS.scenes, {"contexts": np.tile(ROLLERS.ranges[0], (2, 1))}),
         "SledLaunch": (SledLaunch, {"scenario": "sled_snow"}),
         "SledLaunch.reset": (SledLaunch("sled_snow").reset, {}),
@@ -242,6 +245,11 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "problem of rides": (used, {}),
         "evaluate": (sledenv.evaluate, {"policy": np.zeros_like, "scenario": "sled_rollers"}),
         "study": (sledenv.study, {"given": "push_off", "out": "out"}),
+        "plot_descent": (plot.plot_descent, {}),
+        "plot_growth": (plot.plot_growth, {}),
+        "plot_impact": (plot.plot_impact, {"descent": FELL}),
+        "plot_sliding_end": (plot.plot_sliding_end, {}),
+        "plot_strobe": (plot.plot_strobe, {"descents": FELL}),
     }
 
 
@@ -426,6 +434,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("tolerance", "in (0, inf)", *NO_POSITIVE),
     ],
     "Slope.height_at": [("x", "must be numbers", "there", None)],
+    "Slope.friction_at": [("x", "must be numbers", "there", None), ("elsewhere", "in [0, inf)", None, "x", -1.0)],
     "State": [
         *((name, "a finite number", *NO_PLACE) for name in State._fields),
         ("u", "must be a number, a finite number", *NO_NUMBERS[:8], *NO_NUMBERS[9:]),
@@ -728,7 +737,11 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("track", "known: camel, double", "ice"),
         ("name", "must have a rider, and bumps or a profile", "sled_mat"),
     ],
-    "Scenario.settings": [("solver", "must be 'compliant' in scenario sled_rollers, which has a profile", "rigid")],
+    "Scenario.settings": [
+        ("solver", "must be 'compliant' in scenario sled_rollers, which has a profile", "rigid"),
+        ("solver", "must be one of 'compliant', 'rigid'", None, "euler", np.zeros(2)),
+    ],
+    "Scenario.check": [("contexts", "contexts", None, "x", np.zeros((2, 3)), np.full((1, 12), "a"))],
     "Scenario.sample": [("rng", "must be a numpy.random.Generator", None, 3)],
     "Scenario.given": [
         ("context", "must be a Context, or as many numbers: angle, friction", None, 3, "snow", (0.1, 0.2)),
@@ -840,6 +853,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("seed", "must be an integer >= 0", *NO_SEED),
     ],
     "evaluate": [
+        ("policy", "is a file of a model: load it, as PPO.load does", "ppo.zip", Path("runs/sac.zip")),
         *((name, "must be True or False", *NO_FLAG, np.zeros(2)) for name in ("shifted", "tracks")),
         ("environment", "must be one of 'launch', 'descent'", "ride", ["launch"], np.zeros(2)),
     ],
@@ -848,6 +862,22 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("progress", "must be True or False", *NO_FLAG, np.zeros(2)),
         ("workers", "must be an integer >= 1", 0),
         ("launches", "must be an integer", *NO_COUNT),
+    ],
+    "plot_descent": [("descent", "must be a Descent", None, 3, "x", [FELL])],
+    "plot_growth": [("found", "must be a Sensitivity", None, FELL)],
+    "plot_impact": [
+        ("descent", "must be a Descent", None, 3, FELL.trajectory),
+        *((name, f"interval.{name} = ", "x", None, NAN) for name in ("start", "stop")),
+    ],
+    "plot_sliding_end": [("panels", "must be a mapping of names to values", 5, [FELL], {1: FELL})],
+    "plot_strobe": [
+        ("descents", "must be a sequence of Descent", None, 3, "x", {"a": FELL}),
+        ("descents", "descents[0] = ", ["x"], [FELL.trajectory]),
+        ("labels", "must be a sequence of str", 5, "a"),
+        ("labels", "labels[0] = 5: must be a str", [5]),
+        ("frames", "must be an integer", *NO_COUNT),
+        ("between", "must be a pair", 5, "ab", [1.0]),
+        ("between", "between.end = ", [0.0, INF], [0.0, "x"]),
     ],
     "problem of rides": [
         ("use", "problem.environment = 'descent': must be 'launch'", "rewards_of", "descend", "land_flat"),

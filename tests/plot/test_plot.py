@@ -244,7 +244,11 @@ def test_the_forces_on_a_block_that_slides_flat_do_not_turn_it() -> None:
 
 def test_no_labels_overlap(slides: Descent, jams: Descent, impact: Descent) -> None:
     """Oracle: their boxes: titles, axis labels, tick labels and legends, at the width of a README, none cut off."""
-    figures = [plot.plot_strobe([jams, slides, jams], labels="abc"), plot.plot_impact(impact), plot.plot_slip(jams)]
+    figures = [
+        plot.plot_strobe([jams, slides, jams], labels=list("abc")),
+        plot.plot_impact(impact),
+        plot.plot_slip(jams),
+    ]
     figures += [plot.plot_descent(jams), plot.plot_impulse_plane(DISC, ICE, State(0, 0, 0.4, 1, -2, 3))]
     for figure in figures:
         FigureCanvasAgg(figure).draw()

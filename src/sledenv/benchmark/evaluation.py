@@ -255,6 +255,8 @@ def _run(run: str | os.PathLike[str], asked: Scenario | None, given: dict[str, A
     for name, value in given.items():
         if value is not None:
             raise ValueError(f"{name} = {value!r}: must be left out, the run {os.fspath(run)} has its own")
+    if Path(run).suffix == ".zip":
+        raise ValueError(f"policy = {os.fspath(run)!r}: is a file of a model: load it, as PPO.load does, and give that")
     problem, agent, config = load_run(Path(run))
     _check_scenario(asked, problem, os.fspath(run))
     return _Judged(problem, agent, agent_name(config["agent"]))

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from sledenv.plot.style import BLUE, DASHES, GREEN, INK, PURPLE, RED, SKY, WIDTH, outcome, styled
+from sledenv.simulation.rules import checked_kind
 from sledenv.simulation.sensitivity import LAUNCH, Sensitivity
 
 if TYPE_CHECKING:
@@ -37,10 +38,10 @@ def plot_growth(found: Sensitivity) -> Figure:
 
     Raises
     ------
-    ValueError
-        If there is no rebound, or a field of the launch is not among the parameters.
+    TypeError, ValueError
+        If it is no Sensitivity, there is no rebound, or a field of the launch is not among the parameters.
     """
-    growth, count = found.growth, len(found.rebounds)
+    growth, count = checked_kind("found", found, Sensitivity).growth, len(found.rebounds)
     if count == 0:
         raise ValueError("the descent has no rebound over which a difference could grow")
     with styled():

@@ -27,6 +27,7 @@ from sledenv.plot.style import (
 from sledenv.plot.trajectories import first_contact, opening
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import checked_mapping
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -54,7 +55,7 @@ def plot_worked_example(series: Mapping[str, np.ndarray], *, paper: tuple[float,
     ValueError
         If ``series`` is empty.
     """
-    if not series:
+    if not checked_mapping("series", series):
         raise ValueError("series is empty: there is nothing to draw")
     panels = (
         ("Fig. 7: normal force", "N [N]", "normal"),
@@ -208,7 +209,7 @@ def plot_sliding_end(panels: Mapping[str, Descent], *, note: str = "") -> Figure
     ValueError
         If there are no panels, or a trajectory is missing or has no contact that takes time.
     """
-    if not panels:
+    if not checked_mapping("panels", panels):
         raise ValueError("panels is empty: there is nothing to draw")
     with styled():
         from matplotlib.figure import Figure

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.simulation.bodies import Body, Segment
-from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at, touches_at
+from sledenv.simulation.interpolation import drawable_rows, rows_of, states_at
 from sledenv.simulation.outcomes import Descent
 from sledenv.simulation.outlines import mass_properties
 
@@ -182,15 +182,13 @@ def strobe_times(body: Body, rows: np.ndarray, interval: float, distinct: float 
     return found
 
 
-def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]:
+def contact_paths(descent: Descent) -> list[np.ndarray]:
     """Return where on the slope each rebound touched, from its touchdown to its separation.
 
     Parameters
     ----------
     descent : Descent
         With its trajectory.
-    until : float
-        Time [s]; later rebounds are left out and the current one ends here.
 
     Returns
     -------
@@ -199,18 +197,14 @@ def contact_paths(descent: Descent, until: float = math.inf) -> list[np.ndarray]
         row of NaN lies between two places without a way from one to the other: another contact went on alone.
     """
     rows = drawable_rows(descent)
-    begun = descent.rebounds[descent.rebounds["t_touchdown"] <= until]
     paths = []
-    for rebound in begun:
-        within = rows_of(rebound, rows, until)
+    for rebound in descent.rebounds:
+        within = rows_of(rebound, rows)
         if len(within) == 0:  # without duration, or between two rows
             where = rebound["x_contact"]
             paths.append(np.array([(where, descent.slope.height_at(where))]))
             continue
         path = np.stack([within["contacts"]["x"][:, 0], within["contacts"]["y"][:, 0]], axis=-1)
-        if until < rebound["t"]:
-            now = touches_at(rows, until)[0]
-            path = np.append(path, [(now["x"], now["y"])], axis=0)
-        jumps = np.hypot(*np.diff(path[: len(within)], axis=0).T) > _SAME * descent.body.size
+        jumps = np.hypot(*np.diff(path, axis=0).T) > _SAME * descent.body.size
         paths.append(np.insert(path, np.flatnonzero(jumps & (np.diff(within["t"]) == 0.0)) + 1, np.nan, axis=0))
     return paths

@@ -15,6 +15,7 @@ from sledenv.plot.shapes import body_outline, contact_paths, heavy_side, placed,
 from sledenv.plot.style import BLUE, DASHES, GREEN, GROUND, INK, ORANGE, RED, WIDTH, outcome, styled
 from sledenv.simulation.interpolation import drawable_rows
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import FINITE, checked, checked_count, checked_pair, checked_sequence
 from sledenv.simulation.sleds import FRAME, LEGS, RIDER, RUNNER
 
 if TYPE_CHECKING:
@@ -98,17 +99,21 @@ def plot_strobe(
 
     Raises
     ------
-    ValueError
-        If there is no descent, one has no trajectory or none of it ``between``, ``frames`` < 2 or the number of labels
-        differs.
+    TypeError, ValueError
+        If an argument is of another kind, there is no descent, one has no trajectory or none of it ``between``,
+        ``frames`` < 2 or the number of labels differs.
     """
-    descents = [descents] if isinstance(descents, Descent) else list(descents)
+    descents = [descents] if isinstance(descents, Descent) else checked_sequence("descents", descents, Descent)
     if not descents:
         raise ValueError("descents is empty: there is nothing to draw")
-    if labels is not None and len(labels) != len(descents):
+    labels = [""] * len(descents) if labels is None else checked_sequence("labels", labels, str)
+    if len(labels) != len(descents):
         raise ValueError(f"{len(labels)} labels for {len(descents)} descents")
-    if frames < 2:
+    if checked_count("frames", frames) < 2:
         raise ValueError(f"frames = {frames!r}: must be >= 2")
+    if between is not None:
+        begin, end = checked_pair("between", between)
+        between = checked("between", "begin", begin, FINITE), checked("between", "end", end, FINITE)
     with styled():
         from matplotlib.cm import ScalarMappable
         from matplotlib.colors import Normalize
@@ -117,7 +122,7 @@ def plot_strobe(
         tracks = [drawable_rows(descent) for descent in descents]
         fastest = max(float(np.hypot(rows["u"], rows["v"]).max()) for rows in tracks)
         speed = ScalarMappable(Normalize(0.0, fastest if fastest > 0.0 else 1.0), "viridis")
-        panels = _panels(descents, tracks, labels or [""] * len(descents), between)
+        panels = _panels(descents, tracks, labels, between)
         interval = _interval(descents, tracks, max(2, frames * len(panels) // len(descents)))
         heights = [float(np.clip(_WIDE * (p.high - p.low)[1] / p.wide, 0.5, _HIGH)) for p in panels]
         figure = Figure(figsize=(WIDTH, sum(heights) + 0.35 * len(panels) + 1.0), layout="constrained")

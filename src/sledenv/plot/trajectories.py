@@ -9,9 +9,11 @@ import numpy as np
 from sledenv.simulation.bodies import Body
 from sledenv.simulation.interpolation import drawable_rows, rows_of
 from sledenv.simulation.outcomes import Descent, contacts_in, ground_name
+from sledenv.simulation.rules import Rule, checked
 from sledenv.simulation.support import lowest_arms
 
 _SAME = 1e-6  # of the size of the body: two places that are closer are one
+_TIME: Rule = (lambda t: t == t, "a number of seconds")
 _MOST_LABELS = 6  # of contacts in one figure
 
 
@@ -113,10 +115,11 @@ def rows_between(descent: Descent, start: float, stop: float) -> np.ndarray:
 
     Raises
     ------
-    ValueError
-        If the trajectory is missing or has fewer than two rows in the interval.
+    TypeError, ValueError
+        If it is no descent, a time is no number, or the trajectory is missing or has fewer than two rows in between.
     """
     rows = drawable_rows(descent)
+    start, stop = (checked("interval", name, time, _TIME) for name, time in (("start", start), ("stop", stop)))
     rows = rows[(rows["t"] >= start) & (rows["t"] <= stop)]
     if len(rows) < 2:
         raise ValueError(f"start = {start!r}, stop = {stop!r}: fewer than two rows of the trajectory lie in between")

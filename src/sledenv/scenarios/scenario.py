@@ -478,6 +478,7 @@ class Scenario(Document):
             If it has no such body or no zone, or if its zone cannot begin there, naming the field, its value and what
             is allowed.
         """
+        contexts = _rows_of(contexts)
         self._shapes(np.nan_to_num(contexts))
         drawn = self._drawn_zone
         if drawn is None:
@@ -691,8 +692,9 @@ class Scenario(Document):
         Raises
         ------
         ValueError
-            If ``solver`` is "rigid" where there are vertices or bumps.
+            If there is no such solver, or it is "rigid" where there are vertices or bumps.
         """
+        checked_choice("solver", solver, get_args(Solver))
         if solver != "compliant" and self.has_track:
             raise ValueError(f"solver = {solver!r}: must be 'compliant' in scenario {self.id}, which has a profile")
         return Settings(

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from sledenv.simulation.outcomes import Descent
+from sledenv.simulation.rules import checked_kind
 from sledenv.simulation.scene import State
 
 _DRAWABLE = 1e12  # [m], [rad], [m/s]: beyond it (an overflow, as a rule) there is nothing to draw
@@ -21,10 +20,10 @@ def drawable_rows(descent: Descent) -> np.ndarray:
 
     Raises
     ------
-    ValueError
-        If the descent was simulated without ``record="trajectory"``.
+    TypeError, ValueError
+        If it is no descent, or was simulated without ``record="trajectory"``.
     """
-    rows = descent.trajectory
+    rows = checked_kind("descent", descent, Descent).trajectory
     if len(rows) == 0:
         raise ValueError('the descent has no trajectory: simulate(..., record="trajectory") keeps it')
     values = np.stack([rows[name] for name in ("t", *State._fields)])
@@ -82,10 +81,10 @@ def states_at(rows: np.ndarray, times: ArrayLike) -> np.ndarray:
     return np.stack(columns, axis=-1)
 
 
-def rows_of(rebound: np.void, rows: np.ndarray, until: float = math.inf) -> np.ndarray:
+def rows_of(rebound: np.void, rows: np.ndarray) -> np.ndarray:
     """Return the rows of a rebound in which something touches."""
-    begin, end = rebound["t_touchdown"], min(rebound["t"], until)
-    first, last = np.searchsorted(rows["t"], begin - _LATE), np.searchsorted(rows["t"], end, side="right")
+    first = np.searchsorted(rows["t"], rebound["t_touchdown"] - _LATE)
+    last = np.searchsorted(rows["t"], rebound["t"], side="right")
     found: np.ndarray = rows[first:last]
     return found[found["touching"] > 0]
 

@@ -294,6 +294,20 @@ def _check_columns(owner: str, rows: np.ndarray, fields: Sequence[str], rules: S
             raise ValueError(f"{owner.format(lane=lane)}.{field} = {value!r}: must be {allowed}")
 
 
+def checked_kind(name: str, value: Any, kind: type[_V]) -> _V:
+    """Return what must be of a kind, or raise TypeError."""
+    if not isinstance(value, kind):
+        raise TypeError(f"{name} = {reprlib.repr(value)}: must be a {kind.__name__}")
+    return value
+
+
+def checked_sequence(name: str, values: Iterable[_V], kind: type[_V]) -> list[_V]:
+    """Return some things that must be of a kind, or raise TypeError."""
+    if not isinstance(values, Iterable) or isinstance(values, str | Mapping) or has_no_length(values):
+        raise TypeError(f"{name} = {reprlib.repr(values)}: must be a sequence of {kind.__name__}")
+    return [checked_kind(f"{name}[{i}]", value, kind) for i, value in enumerate(values)]
+
+
 def checked_choice(name: str, value: str, allowed: tuple[str, ...]) -> str:
     """Return one of the words that are allowed, or raise ValueError."""
     if not isinstance(value, str) or value not in allowed:
@@ -352,7 +366,7 @@ def checked_pair(name: str, value: tuple[Any, Any]) -> tuple[Any, Any]:
 
 def checked_mapping(name: str, value: Mapping[str, _V] | None) -> Mapping[str, _V]:
     """Return what is given by names, nothing for None, or raise TypeError."""
-    if not isinstance(value, Mapping | None):
+    if not isinstance(value, Mapping | None) or not all(isinstance(key, str) for key in value or ()):
         raise TypeError(f"{name} = {value!r}: must be a mapping of names to values")
     return value or {}
 

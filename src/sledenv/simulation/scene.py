@@ -462,11 +462,12 @@ class Slope(Checked, _SlopeFields):
         places = numbers_of("x", x, "numbers")
         return heights_on(pieces_of(self.vertices), places)
 
-    def friction_at(self, x: np.ndarray, elsewhere: float) -> np.ndarray:
+    def friction_at(self, x: ArrayLike, elsewhere: float) -> np.ndarray:
         """Friction [-] at places ``x`` [m] along the slope, same shape; ``elsewhere`` is that outside of the zones."""
-        friction = np.full(np.shape(x), elsewhere)
+        places = numbers_of("x", x, "numbers")
+        friction = np.full(places.shape, checked("friction_at", "elsewhere", elsewhere, NOT_NEGATIVE))
         for zone in self.zones:
-            friction[(x >= zone.begin) & (x < zone.end)] = zone.friction
+            friction[(places >= zone.begin) & (places < zone.end)] = zone.friction
         return friction
 
 
