@@ -127,3 +127,29 @@ def test_a_contact_goes_on_over_a_crest_that_is_deeper_than_its_arc_is_round(dep
     assert descent.rebounds["peak_penetration"][0] > 0.6 * depth
     assert side * descent.state.x > -0.5
     assert abs(descent.energy.residual) < 1e-9 * descent.energy.turnover
+
+
+@pytest.mark.parametrize("u", [9.152542372881356, 9.0, 9.2])
+def test_a_corner_that_is_pressed_in_without_a_load_does_not_touch_again_and_again(u: float) -> None:
+    """Oracle: friction alone slows a sled that slides flat onto a straight piece, three corners of it pressed in.
+
+    It leaves a round dip with two corners that bear it, and stays as deep as it is. The third was found to touch, by
+    rounding, and let go at once, until the budget of steps was spent.
+    """
+    hull = [(-0.33, 0.008), (-0.1, 0.001), (0.15, 0.0), (0.48, 0.024), (0.6, 0.06), (0.7, 0.1), (0.95, 0.23)]
+    hull += [(0.97, 0.3), (0.8, 0.35), (0.4, 0.36), (0.0, 0.33), (-0.5, 0.25), (-0.7, 0.2), (-0.88, 0.15)]
+    sled = sledenv.polygon(118.0, [*hull, (-0.89, 0.09)], rounding=0.003, centre=(0.05, 0.14), inertia=16.4)
+    law = sledenv.ContactLaw.from_restitution(0.15, stiffness=1e6, friction=0.02, rolling_arm=0.001)
+    profile = [(0.6, 53.34), (14.0, 51.48), (41.6, 46.2), (73.4, 41.6), (110.2, 33.62), (146.5, 30.92)]
+    rounding = [36.7, 264.9, 558.5, 355.8, 209.5, 0.0]
+    slope = sledenv.Slope(0.0, 140.0, profile=profile, rounding=rounding)
+    launch = sledenv.State(5.0, float(slope.height_at(5.0)) + 0.24507562751024125, 0.0, u)
+    descent = sledenv.simulate(sled, law, slope, launch, record="trajectory")
+    assert descent.status == "finish"
+    assert abs(descent.energy.residual) < 1e-9 * descent.energy.turnover
+    slides = descent.trajectory[descent.trajectory["x"] > 130.0]
+    fall = math.atan2(33.62 - 30.92, 146.5 - 110.2)
+    slows = G * (math.sin(fall) - 0.02 * math.cos(fall))
+    speed = np.hypot(slides["u"], slides["v"])
+    took = slides["t"][-1] - slides["t"][0]
+    assert speed[-1] - speed[0] == pytest.approx(slows * took, rel=0.01, abs=1e-3)

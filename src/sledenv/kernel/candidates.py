@@ -32,7 +32,7 @@ from sledenv.kernel.geometry import (
     part_of_bend,
     reach_along,
 )
-from sledenv.kernel.guards import AT_END, NOTHING, TIED, TOUCH, first_term, shorten_to_first_root
+from sledenv.kernel.guards import AT_END, NOTHING, TIED, TOUCH, first_term, is_rounding, shorten_to_first_root
 from sledenv.kernel.outline import arc_at, from_middle, same_arc
 from sledenv.kernel.records import MOST_CONTACTS
 from sledenv.kernel.zeros import first_zero
@@ -146,6 +146,8 @@ def _touch_now(body: np.void, pieces: np.ndarray, kind: int, a: int, j: int, gap
             _watch_entry(body, pieces, kind, a, j, space)
         return
     first = first_term(body, space)
+    if inside and first == 3 and is_rounding(body, poly[3], 3, space):
+        return  # contacts that stay hold it as deep as it is
     if poly[first] < 0.0:
         if event["time"] > 0.0 or event["code"] == NOTHING:
             event["time"], event["code"], event["who"], event["side"], event["piece"] = 0.0, TOUCH, kind, a, j

@@ -80,14 +80,27 @@ def shorten_to_first_root(space: np.void, zeros: int, code: int, who: int, side:
 
 
 @kernel
+def is_rounding(body: np.void, term: float, k: int, space: np.void) -> bool:
+    """Whether the term of order ``k``, 2 or 3, of a gap is no more than what rounding makes of a steady one.
+
+    The loads of contacts that stay count too: they cancel the weight up to rounding.
+    """
+    s, contacts, pushes = space["series"], space["contacts"], 0.0
+    for c in range(contacts["count"]):
+        pushes += abs(s["of"][c]["normal"][k - 2])
+    turning = body["size"] * max(abs(s["sine"][k]), abs(s["cosine"][k]))
+    largest = max(abs(s["x"][k]), abs(s["y"][k]), turning, pushes * body["per_mass"] / (k * (k - 1)))
+    return bool(abs(term) <= STEADY_RATE * largest)
+
+
+@kernel
 def first_term(body: np.void, space: np.void) -> int:
     """Order of the first term of a gap that begins at zero which is more than rounding, 3 at most."""
-    poly, motion, s, size = space["poly"], space["motion"], space["series"], body["size"]
-    speed = max(abs(motion["u"]), abs(motion["v"]), size * abs(motion["omega"]))
+    poly, motion = space["poly"], space["motion"]
+    speed = max(abs(motion["u"]), abs(motion["v"]), body["size"] * abs(motion["omega"]))
     if abs(poly[1]) > STILL * speed:
         return 1
-    turning = size * max(abs(s["sine"][2]), abs(s["cosine"][2]))
-    return 2 if abs(poly[2]) > STEADY_RATE * max(abs(s["x"][2]), abs(s["y"][2]), turning) else 3
+    return 3 if is_rounding(body, poly[2], 2, space) else 2
 
 
 @kernel
