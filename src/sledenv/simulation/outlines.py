@@ -7,7 +7,6 @@ where the outline has the normal (-sin phi, -cos phi).
 
 from __future__ import annotations
 
-import functools
 import math
 from collections.abc import Sequence
 from typing import Any, Final, NamedTuple
@@ -27,6 +26,29 @@ LARGEST_RADIUS: Final = 1e6  # of an arc, over the size of the body
 SHORTEST: Final = 1e-9  # side, over the size of the body, and turn from one side to the next [rad]
 _ROUNDED: Final = 1e-12  # of the size: what is closer is at one place
 _ROUNDED_ARC: Final = 4e-15  # of the radius of an arc: the same, where its centre is far away
+# Gauss-Legendre quadrature with 16 nodes: those of a library have other last digits on other processors.
+_HALF_OF_NODES: Final = (
+    0.09501250983763744,
+    0.2816035507792589,
+    0.45801677765722737,
+    0.6178762444026438,
+    0.755404408355003,
+    0.8656312023878318,
+    0.9445750230732326,
+    0.9894009349916499,
+)
+_HALF_OF_WEIGHTS: Final = (
+    0.18945061045506864,
+    0.18260341504492364,
+    0.16915651939500265,
+    0.1495959888165767,
+    0.12462897125553407,
+    0.0951585116824926,
+    0.062253523938647456,
+    0.027152459411754176,
+)
+_NODES = np.array([*(-node for node in reversed(_HALF_OF_NODES)), *_HALF_OF_NODES])
+_WEIGHTS = np.array([*reversed(_HALF_OF_WEIGHTS), *_HALF_OF_WEIGHTS])
 _IN_TURN: Rule = (lambda v: (v >= -math.pi) & (v < math.pi), "in [-pi, pi) rad")
 
 
@@ -493,12 +515,6 @@ def _triangles(points: Floats) -> tuple[Floats, Floats, Floats]:
     return areas, middle + (one + other) / 3.0, squares / 36.0
 
 
-@functools.cache
-def _nodes() -> tuple[Floats, Floats]:
-    nodes, weights = np.polynomial.legendre.leggauss(16)
-    return nodes, weights
-
-
 def segment_moments(alpha: Floats) -> tuple[Floats, Floats, Floats]:
     """Areas of segments of half-angles (N,), heights of their centroids above the chord, and inertias over mass.
 
@@ -506,13 +522,12 @@ def segment_moments(alpha: Floats) -> tuple[Floats, Floats, Floats]:
     where the half-angle is small, and 16 nodes are exact but for rounding up to a full disc.
     """
     angle = alpha[:, np.newaxis]
-    nodes, weights = _nodes()
-    t = 0.5 * angle * (1.0 + nodes)  # the strip at cos(t) from the centre of the arc, half as wide as sin(t)
-    half, high, low = (sines_and_cosines(one)[0] for one in (t, 0.5 * (angle + t), 0.25 * angle * (1.0 - nodes)))
+    t = 0.5 * angle * (1.0 + _NODES)  # the strip at cos(t) from the centre of the arc, half as wide as sin(t)
+    half, high, low = (sines_and_cosines(one)[0] for one in (t, 0.5 * (angle + t), 0.25 * angle * (1.0 - _NODES)))
     above = 2.0 * high * low  # the chord
-    share = weights * half**2
+    share = _WEIGHTS * half**2
     area = alpha * share.sum(axis=1)
-    share = weights * (half / half.max(axis=1, keepdims=True)) ** 2
+    share = _WEIGHTS * (half / half.max(axis=1, keepdims=True)) ** 2
     share /= share.sum(axis=1, keepdims=True)
     height = (share * above).sum(axis=1)
     inertia = (share * ((above - height[:, np.newaxis]) ** 2 + half**2 / 3.0)).sum(axis=1)
