@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 import sledenv
 from sledenv import Settings
 from sledenv.kernel.records import STATUS_OF_CODE, Feature, Mode, Status
-from sledenv.scenarios.scenario import load_scenario, scenario_names
+from sledenv.scenarios.scenario import Given, load_scenario, scenario_names
 from sledenv.simulation import simulate as simulate_module
 from sledenv.simulation import simulator as simulator_module
 from sledenv.simulation.bodies import Segment, segment
@@ -28,6 +28,7 @@ from sledenv.simulation.shapes import circular_segment
 from sledenv.simulation.simulate import simulate, simulate_batch, simulate_blocks
 from sledenv.simulation.simulator import Simulator
 from sledenv.simulation.support import support_height, within_a_turn
+from tests import audit_geometry
 from tests.bodies import rod, segment_by_share
 
 DISC = segment(1.0, 0.1, 0.05, 7.5e-3)
@@ -308,10 +309,25 @@ def test_no_length_time_or_mass_is_large_or_small_in_itself(solver: str, profile
         assert similar(*units, solver, profile) == pytest.approx(rebounds, rel=1e-9, abs=1e-9), units
 
 
+def depths(given: Given, ends: np.void) -> tuple[float, float]:
+    """How deep the outline and the mass centre are in the ground at the end of a descent, in sizes of the body."""
+    body, slope, found = given.body, given.slope, np.zeros((1, 3))
+    ground, pose = (
+        audit_geometry.ground_of(slope.profile, slope.rounding or None),
+        [ends[name] for name in ("x", "y", "phi")],
+    )
+    audit_geometry.measure_all(*audit_geometry.outline_of(body), *ground, body.size, np.array([pose]), found)
+    return found[0, audit_geometry.OUTLINE] / body.size, found[0, audit_geometry.CENTRE] / body.size
+
+
 @pytest.mark.parametrize("count", [30, pytest.param(10_000, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", scenario_names())
 def test_launches_of_a_scenario_end_properly_and_close_their_books(name: str, count: int) -> None:
-    """Oracle: status, ledger and second law of every descent in contexts that the scenario draws, however launched."""
+    """Oracle: status, ledger and second law of every descent in contexts that the scenario draws, however launched.
+
+    Steps leave out a tenth of the tolerance each. Few boulders spin so fast that their ground is too soft: they are as
+    deep in it as those that are buried must be.
+    """
     scenario, rng = load_scenario(name), np.random.default_rng(1)
     errors = np.column_stack([rng.uniform(-math.pi, math.pi, count), rng.uniform(-5.0, 5.0, count)])
     scenes, settings = (
@@ -323,12 +339,20 @@ def test_launches_of_a_scenario_end_properly_and_close_their_books(name: str, co
     simulator.run()
     ends, jam = simulator.flights, simulator.jam()
     proper = {Status.FINISH, Status.JAMMED, Status.TUMBLED, Status.TIMEOUT, Status.LOG_FULL}
-    assert {STATUS_OF_CODE[code] for code in ends["status"]} <= proper
+    status = np.array([STATUS_OF_CODE[code] for code in ends["status"]])
+    buried = np.flatnonzero(status == Status.BURIED)
+    assert len(buried) <= (0.01 * count if name == "boulder_benches" else 0.0)
+    for lane in buried:
+        outline, centre = depths(
+            scenario.given_in(scenario.scenes(*np.split(scenes.drawn[[lane]], [-2], axis=1))), ends[lane]
+        )
+        assert outline > 0.25 or centre > 0.0
+    assert {*status} <= proper | {Status.BURIED}
     assert np.isfinite([ends[field] for field in State._fields]).all()
     losses = ends["hysteresis"] + ends["sliding"] + ends["rolling"] + ends["drag"]
     residual = ends["kinetic"] + ends["potential"] + ends["stored"] + losses - ends["initial"]
     scale = np.abs(ends["initial"]) + np.abs(ends["potential"]) + losses
-    assert (np.abs(residual) <= 1e-10 * scale).all()
+    assert (np.abs(residual) <= np.maximum(1e-10, 0.1 * settings.tolerance * ends["steps"]) * scale).all()
     for loss in ("hysteresis", "sliding", "rolling"):
         assert (ends[loss] >= 0.0).all()
         assert (logs[f"loss_{loss}"] >= -1e-14 * scale[:, None]).all()
