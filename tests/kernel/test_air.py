@@ -127,7 +127,12 @@ def test_books_close_and_no_air_takes_nothing(name, area, density, ground, angle
     )
     vertices = np.column_stack([np.cumsum(rng.uniform(0.5, 2.0, 10)), rng.uniform(-0.2, 0.2, 10)])
     slope = Slope(angle, 30.0, profile=vertices if ground == "profile" else (), rounding=0.5, air_density=density)
-    launch = State(0.0, BODIES[name].size + rng.uniform(0.0, 1.0), rng.uniform(-3.0, 3.0), *rng.normal(0.0, 8.0, 3))
+    launch = State(
+        0.0,
+        BODIES[name].size + vertices[:, 1].max() + rng.uniform(0.0, 1.0),
+        rng.uniform(-3.0, 3.0),
+        *rng.normal(0.0, 8.0, 3),
+    )
     settings = Settings(max_time=20.0, solver="rigid" if ground == "rigid" else "compliant")
     found = simulate(BODIES[name].replace(drag_area=10.0**area), law, slope, launch, settings)
     assert found.status not in ("step_budget", "non_finite")
