@@ -136,7 +136,7 @@ class Descent:
 
     @cached_property
     def jam(self) -> DescentJam:
-        """Progress, retention, reward and jam index of the descent."""
+        """Jam metrics of the descent."""
         return descent_jam(self.outcome, self.body.mass, self.slope.length)
 
     def as_batch(self) -> DescentBatch:
@@ -165,7 +165,7 @@ class DescentBatch:
     rebounds : ndarray of REBOUND, shape (N, max_rebounds) or (0, 0)
         The logs, ``outcomes["rebounds"]`` rows of which are filled.
     jam : DescentJam
-        Progress, retention and reward, shape (N,).
+        Jam metrics, each of shape (N,).
     """
 
     outcomes: np.ndarray

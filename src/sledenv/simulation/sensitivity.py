@@ -122,8 +122,8 @@ class Sensitivity:
         Values of the parameters, and the farthest change of each that was looked at.
     rebounds, rebound_errors : ndarray, shape (N, 11, P)
         Derivatives of what is in ``REBOUND_QUANTITIES`` at the first N rebounds, and the estimated error of each.
-    end, end_errors : ndarray, shape (10, P)
-        The same of what is in ``END_QUANTITIES`` when the descent has ended.
+    end, end_errors : ndarray, shape (Q, P)
+        The same of the Q in ``END_QUANTITIES`` when the descent has ended.
     sides : ndarray of int, shape (N + 1, P)
         0 where a derivative holds to both sides, as far as each rebound and in the end (the last row). 1 or -1 where it
         holds for more or for less of the parameter alone: to the other side another sequence of events, or what is not
