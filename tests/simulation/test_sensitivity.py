@@ -394,7 +394,7 @@ def test_at_an_end_of_its_range_a_parameter_has_the_derivative_to_the_other_side
     for seed in range(descents):
         body, law, slope, launch = one_of_many(seed)
         found = sensitivity(body, *at_an_end(name, law, slope, 0.0), launch, settings, parameters=[name])
-        assert (found.sides == side).all(), seed
+        assert (found.sides == side).all(), f"descent {seed}: 0 where some quantity, perhaps a jam metric, has none"
         assert (found.distances[:, 0, (1 - side) // 2] == math.inf).all()
 
         def run(step: float, given: Any = (body, law, slope, launch)) -> np.ndarray:
