@@ -56,7 +56,8 @@ def judge(flight: np.void, mass: Any, length: Any) -> DescentJam:
     # Nothing supplied, nothing kept: the quotient is 0, not that of two zeros.
     supplied = flight["supplied"] if finished and flight["supplied"] > 0.0 else math.inf
     share, kept = x / length, 0.5 * mass * (u * u) / supplied
-    progress = 0.0 if share <= 0.0 else 1.0 if share > 1.0 else share
-    retention = 1.0 if kept > 1.0 else kept
-    reward = SHARE_OF_PROGRESS * progress + (1.0 - SHARE_OF_PROGRESS) * math.sqrt(retention)
-    return DescentJam(progress=progress, retention=retention, reward=reward)  # type: ignore[arg-type]  # of one
+    # Numbers of one descent; the fields are declared as arrays, of many.
+    progress: Any = 0.0 if share <= 0.0 else 1.0 if share > 1.0 else share
+    retention: Any = 1.0 if kept > 1.0 else kept
+    reward: Any = SHARE_OF_PROGRESS * progress + (1.0 - SHARE_OF_PROGRESS) * math.sqrt(retention)
+    return DescentJam(progress=progress, retention=retention, reward=reward)
