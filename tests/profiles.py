@@ -58,7 +58,8 @@ def hills(rng: np.random.Generator) -> Profile:
         found.append((x, y))
         step = rng.uniform(0.3, 3.0)
         x, y = x + step, y + step * rng.uniform(-0.35, 0.35) - 0.1 * y
-    return [*found, (x, 0.0), (END, 0.0)]
+    last_x, last_y = found[-1]
+    return [*found, (max(x, last_x + abs(last_y)), 0.0), (END, 0.0)]  # at most 45 degrees down to the level
 
 
 def no_profile(rng: np.random.Generator) -> Profile:
