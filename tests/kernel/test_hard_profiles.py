@@ -153,3 +153,30 @@ def test_a_corner_that_is_pressed_in_without_a_load_does_not_touch_again_and_aga
     speed = np.hypot(slides["u"], slides["v"])
     took = slides["t"][-1] - slides["t"][0]
     assert speed[-1] - speed[0] == pytest.approx(slows * took, rel=0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize("stiffness", [1e3, 1e4, 3e4])
+def test_a_body_pressed_too_deep_into_a_profile_is_buried(stiffness: float) -> None:
+    """Oracle: it ends in the first step after a quarter of its radius; it fell through the ground and finished."""
+    law = sledenv.ContactLaw.from_restitution(0.3, stiffness=stiffness, friction=0.02, rolling_arm=0.0)
+    slope = sledenv.Slope(0.1, 30.0, profile=[(3.0, 0.0), (5.0, 0.5), (6.0, 0.5), (8.0, 0.0)])
+    launch = sledenv.State(7.069, 2.0, 0.3, 1.0, -1.0)
+    descent = sledenv.simulate(sledenv.disc(20.0, 0.1), law, slope, launch, record="trajectory")
+    assert descent.status == "buried"
+    rows = descent.trajectory
+    depth = 0.1 - (rows["y"] - 0.5 + (rows["x"] - 6.0) * 0.25) * math.cos(math.atan2(0.5, 2.0))
+    assert 0.025 < depth[-1] <= 0.05
+    begins = np.flatnonzero(np.diff(rows["t"]) == 0.0)  # of steps in contact
+    assert depth[begins[:-1]].max(initial=0.0) <= 0.025
+
+
+@pytest.mark.parametrize("restitution", [1e-15, 1e-12, 1e-9, 1e-8, 2e-8])
+def test_a_tiny_restitution_is_none_where_rigid_surfaces_touch_flat(restitution: float) -> None:
+    """Oracle: the bits of restitution 0."""
+    crate = sledenv.polygon(1.0, [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)], 0.02)
+    slope, launch = sledenv.Slope(math.radians(5.0), 20.0), sledenv.State(0.0, 1.5, 0.0)
+    kept = {"stiffness": 1e6, "friction": 0.3, "rolling_arm": 0.0}
+    laws = [sledenv.ContactLaw.from_restitution(e, **kept) for e in (0.0, restitution)]
+    plastic, tiny = (sledenv.simulate(crate, law, slope, launch, solver="rigid") for law in laws)
+    assert tiny.status == "jammed"
+    assert plastic.rebounds.tobytes() == tiny.rebounds.tobytes()
