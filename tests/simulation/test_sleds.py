@@ -38,6 +38,11 @@ def test_mass_and_mass_centre_are_those_of_the_parts() -> None:
     assert runners[0] - runners[1] == pytest.approx(shift, rel=1e-9)
 
 
+def test_a_number_of_another_kind_makes_the_same_sled() -> None:
+    """Oracle: the sled of the same number as a float."""
+    assert sled(rider_mass=np.float32(80)) == sled(rider_mass=80.0)  # type: ignore[arg-type]
+
+
 def test_it_stands_on_its_runners_and_its_length_is_that_of_the_rider() -> None:
     """Oracle: the geometry. Its flat arc is lowest near phi = 0, the rider at phi = pi."""
     arcs, _ = lowest_arms(RIDDEN.record, np.array([0.0, 0.02, -0.02, math.pi, 1.5, -1.5]))
