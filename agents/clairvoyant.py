@@ -8,10 +8,11 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.problem import Problem, checked_draws
 from sledenv.envs.inputs import Contexts
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
+from sledenv.simulation.rules import checked_count, checked_kind
 from sledenv.simulation.simulator import Simulator
 
 Floats = NDArray[np.float64]
@@ -41,7 +42,14 @@ def best_rides(problem: Problem, scenes: Contexts, searches: int = SEARCHES) -> 
     ride on in 64 ways: with fresh trims from here on, with another trim here and the plan behind it, and with changes
     of all trims from here on. The best takes the place of the plan. Six such sweeps, with ever smaller changes, make a
     search. What is random is the same in all scenes, so that what is found in one does not depend on the others.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no problem or none of rides, or for wrong scenes or a wrong number of searches.
     """
+    checked_kind("problem", problem, Problem).must_be("descent", "the best rides")
+    scenes, searches = checked_draws("scenes", scenes), checked_count("searches", searches)
     count = len(scenes)
     found = []
     for number in range(searches):

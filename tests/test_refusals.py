@@ -20,7 +20,8 @@ import pytest
 import sledenv
 from sledenv import Body, ContactLaw, Settings, Slope, State, Zone, plot
 from sledenv.agents import land_flat, land_parallel
-from sledenv.benchmark.oracle import rewards_of
+from sledenv.agents.clairvoyant import best_rides
+from sledenv.benchmark.oracle import best_launches, jam_map, rewards_of
 from sledenv.benchmark.problem import Problem
 from sledenv.bodies import Arc
 from sledenv.closed_forms.equilibrium import static_jam_angles
@@ -59,6 +60,7 @@ HILL = ((-1.0, 0.0), (0.0, 1.0), (2.0, 0.5))
 LAUNCHES = np.array([LAUNCH, LAUNCH])
 FELL = sledenv.simulate(DISC, LAW, INCLINE, LAUNCH, record="trajectory")
 FRAME = pd.DataFrame(LAUNCHES, columns=State._fields)
+MAT, RIDES = Problem("sled_mat"), Problem("sled_rollers", "descent")
 ID, ROLLERS, HALF = "sledenv/SledLaunch-v0", load_scenario("sled_rollers"), np.full((2, 11), 0.5)
 
 
@@ -114,12 +116,13 @@ def option_of(**options: Any) -> Any:
 
 
 def used(use: str) -> Any:
-    rides = Problem("sled_rollers", "descent")
     if use == "rewards_of":
-        return rewards_of(rides, rides.contexts("test", 3), np.zeros((3, 1)))
+        return rewards_of(RIDES, RIDES.contexts("test", 3), np.zeros((3, 1)))
     if use == "descend":
-        return rides.descend(np.zeros((1, 12)), [[0]])
-    return land_flat.Agent(rides) if use == "land_flat" else land_parallel.Agent(Problem("sled_mat"))
+        return RIDES.descend(np.zeros((1, 12)), [[0]])
+    if use == "best_rides":
+        return best_rides(MAT, np.zeros((1, 12)))
+    return land_flat.Agent(RIDES) if use == "land_flat" else land_parallel.Agent(MAT)
 
 
 def in_lanes(**given: Any) -> Any:
@@ -237,9 +240,16 @@ def calls() -> dict[str, tuple[Callable[..., Any], dict[str, Any]]]:
         "SledVecEnv.seed": (make_vec_env(ID, 3).seed, {}),
         "SledVecEnv.get_attr": (make_vec_env(ID, 3).get_attr, {"attr_name": "task"}),
         "SledVecEnv.env_method": (make_vec_env(ID, 3).env_method, {"method_name": "reset"}),
-        "Problem.contexts": (Problem("sled_mat").contexts, {"split": "test", "count": 1}),
-        "Problem.trials": (Problem("sled_mat").trials, {"split": "test", "contexts": np.zeros((1, 12))}),
-        "Problem.judge": (Problem("sled_mat").judge, {"agent": None}),
+        "Problem.contexts": (MAT.contexts, {"split": "test", "count": 1}),
+        "Problem.trials": (MAT.trials, {"split": "test", "contexts": np.zeros((1, 12))}),
+        "Problem.scenes": (MAT.scenes, {"contexts": CONTEXTS, "count": 1, "seed": (0,)}),
+        "Problem.descend": (MAT.descend, {"actions": np.zeros((1, MAT.actions))}),
+        "Problem.judge": (MAT.judge, {"agent": land_flat.Agent(MAT), "trials": np.zeros((1, 12))}),
+        "Problem.ride": (RIDES.ride, {"agent": land_parallel.Agent(RIDES), "contexts": np.zeros((1, 12))}),
+        "jam_map": (jam_map, {"problem": MAT, "contexts": np.zeros((1, 12))}),
+        "best_launches": (best_launches, {"problem": MAT, "contexts": np.zeros((1, 12))}),
+        "rewards_of": (rewards_of, {"problem": MAT, "contexts": np.zeros((1, 12)), "launches": [[0]]}),
+        "best_rides": (best_rides, {"problem": RIDES, "scenes": np.zeros((1, 12))}),
         "identify": (sledenv.identify, {"table": recorded(), "gyration_radius": 0.3, "starts": 1}),
         "identify_tracks": (tracked, {}),
         "problem of rides": (used, {}),
@@ -804,7 +814,8 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
     ],
     "SledVecEnv": [("env", "must be a native vector environment, not wrapped", None)],
     "SledVecEnv.set_options": [
-        ("options", "must be a mapping, or a list of one per lane", 5),
+        ("options", "must be a mapping, or a list of one per lane", 5, memoryview(b"1")),
+        ("options", "must hold numbers, words and arrays", {"context": memoryview(b"1")}),
         ("options", "has 2 entries: must be one per lane, 3", [{}, {}]),
         ("options", "[0].speed = 1e+308: must be in [-1e+150", [{"context": {"speed": 1e308}}, {}, {}]),
     ],
@@ -822,17 +833,46 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("indices", "must be the number of a lane, a sequence of them, or None", "a", [True], 1.5, [[0]], NAN),
         ("indices", "must be among 3 lanes", 5, [5], [0, -4]),
     ],
-    "SledVecEnv.env_method": [("indices", "must be the number of a lane, a sequence of them, or None", "a", [[0]])],
+    "SledVecEnv.env_method": [
+        ("indices", "must be the number of a lane, a sequence of them, or None", "a", [[0]]),
+        ("options", "must be a mapping such as {'split': 'test'}", 5, [{}]),
+    ],
     "Problem.contexts": [
         ("count", "contexts = -1: must be an integer >= 0", -1),
+        ("count", ": must be an integer", *NO_COUNT[1:]),
         ("seed", "must be an integer >= 0", *NO_SEED),
     ],
     "Problem.trials": [
         ("contexts", "numbers, columns angle", None, "x", np.ones((1, 12)) * 1j),
         ("contexts", "has shape", 3, np.zeros((2, 3))),
         ("contexts", "contexts[0].angle = nan", np.full((1, 12), NAN)),
+        ("count", "must be an integer", *NO_COUNT),
     ],
+    "Problem.scenes": [
+        ("contexts", "numbers, columns angle", None, "x"),
+        ("count", "must be an integer", *NO_COUNT),
+        ("seed", "must be a sequence of int", None, 3),
+    ],
+    "Problem.descend": [
+        ("contexts", "must be numbers", None, "x"),
+        ("contexts", "must be (n, 12) or (n, 14)", np.zeros((1, 3)), np.zeros((1, 1, 12))),
+        ("contexts", "has the column 'trak'", CONTEXTS.rename(columns={"track": "trak"})),
+    ],
+    "Problem.ride": [
+        ("agent", "must have a method act or plan", None, np.zeros_like),
+        ("contexts", "must be numbers", None, "x"),
+    ],
+    **{
+        name: [
+            ("problem", "must be a Problem", None, "sled_mat"),
+            (given, "must be numbers", None, "x"),
+            (given, "has shape", np.zeros((1, 3))),
+        ]
+        for given, names in {"contexts": ("jam_map", "best_launches", "rewards_of"), "scenes": ("best_rides",)}.items()
+        for name in names
+    },
     "Problem.judge": [
+        ("agent", "must have a method act or plan", None, np.zeros_like),
         ("trials", "numbers", None, "x"),
         ("trials", "must be (n, t, 14), (n, 12) or (n", np.zeros((2, 3))),
     ],
@@ -881,7 +921,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
     ],
     "problem of rides": [
         ("use", "problem.environment = 'descent': must be 'launch'", "rewards_of", "descend", "land_flat"),
-        ("use", "problem.environment = 'launch': must be 'descent'", "land_parallel"),
+        ("use", "problem.environment = 'launch': must be 'descent'", "land_parallel", "best_rides"),
     ],
 }
 

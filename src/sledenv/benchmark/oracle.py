@@ -13,9 +13,10 @@ from scipy import stats
 from scipy.ndimage import gaussian_filter1d
 from scipy.stats import qmc
 
-from sledenv.benchmark.problem import Problem
+from sledenv.benchmark.problem import Problem, checked_contexts
 from sledenv.envs.inputs import Contexts, checked_actions
 from sledenv.scenarios.scenario import NOISY, Context
+from sledenv.simulation.rules import checked_kind
 
 Floats = NDArray[np.float64]
 
@@ -65,8 +66,13 @@ def jam_map(problem: Problem, contexts: Contexts, cells: int = CELLS, number: in
         Descents per context, about.
     number : int
         Which of the searches it is: each has a grid and scenes of its own.
+
+    Raises
+    ------
+    TypeError, ValueError
+        If it is no problem, or for wrong contexts.
     """
-    problem = problem.seeing_all()
+    problem, contexts = checked_kind("problem", problem, Problem).seeing_all(), checked_contexts(contexts)
     free = [name not in problem.task.controlled for name in NOISY]
     nodes = NODES if problem.noise[free].any() else 1
     axes = _axes(problem, cells // nodes, number)
@@ -103,11 +109,11 @@ def best_launches(problem: Problem, contexts: Contexts) -> pd.DataFrame:
 
     Raises
     ------
-    ValueError
-        If the problem is one of rides.
+    TypeError, ValueError
+        If it is no problem or one of rides, or for wrong contexts.
     """
-    problem.must_be("launch", "the best launches; rides have no search here")
-    problem = problem.seeing_all()
+    checked_kind("problem", problem, Problem).must_be("launch", "the best launches; rides have no search here")
+    problem, contexts = problem.seeing_all(), checked_contexts(contexts)
     found = np.concatenate([_search(problem, contexts, number) for number in range(SEARCHES)], axis=1)
     # Which is best is decided by other draws than those of the searches and those of the interval.
     earned = problem.expect(problem.scenes(contexts, JUDGED[1], (3,)), found)
@@ -134,12 +140,14 @@ def rewards_of(problem: Problem, contexts: Contexts, launches: ArrayLike) -> Flo
 
     Raises
     ------
-    ValueError
-        If the problem is one of rides, which :meth:`sledenv.benchmark.problem.Problem.judge` follows.
+    TypeError, ValueError
+        If it is no problem or one of rides, which :meth:`sledenv.benchmark.problem.Problem.judge` follows, or for wrong
+        contexts.
     gymnasium.error.InvalidAction
         If launches have another shape, are no numbers or lie outside [-1, 1].
     """
-    problem.must_be("launch", "launches that are chosen; Problem.judge follows rides")
+    checked_kind("problem", problem, Problem).must_be("launch", "launches that are chosen; Problem.judge follows rides")
+    contexts = checked_contexts(contexts)
     chosen = checked_actions(problem.action_space, problem.task.action_names, launches, len(contexts))
     earned: Floats = problem.expect(problem.trials(contexts, "test"), chosen[:, np.newaxis])[:, 0]
     return earned

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import reprlib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, Self, get_args
@@ -25,7 +26,15 @@ from sledenv.scenarios.sections import CONTROLS
 from sledenv.simulation.lanes import check_room
 from sledenv.simulation.outcomes import DescentBatch
 from sledenv.simulation.records import RUNNING
-from sledenv.simulation.rules import checked_choice, checked_seed, checked_table, numbers_of
+from sledenv.simulation.rules import (
+    checked_choice,
+    checked_count,
+    checked_seed,
+    checked_sequence,
+    checked_table,
+    is_named,
+    numbers_of,
+)
 from sledenv.simulation.scenes import Scenes
 from sledenv.simulation.settings import Solver
 
@@ -220,8 +229,16 @@ class Problem:
             raise ValueError(f"problem.environment = {self.environment!r}: must be {environment!r} for {what}")
 
     def contexts(self, split: Split, count: int, seed: int = 0) -> Contexts:
-        """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``."""
-        checked_seed(count, "contexts")  # an integer >= 0, as a seed is
+        """Draw ``count`` contexts of a split, shape (count, 12); context i does not depend on ``count``.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For another split, or a wrong count or seed.
+        MemoryError
+            For more than there is room for.
+        """
+        count = checked_count("contexts", count, least=0)
         seed = checked_seed(seed)
         check_room(count * TRIALS * _A_TRIAL, f"contexts = {count}: they and their trials", "take fewer")
         part = _number(split)
@@ -236,8 +253,15 @@ class Problem:
         agent that searches with those of "train" or "validation" knows nothing of those with which it is judged.
 
         Of a ride, which begins where the launch has happened, a context has one trial, with one of these errors.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For wrong contexts or another split, or a wrong count.
+        MemoryError
+            For more than there is room for.
         """
-        contexts = checked_table("contexts", contexts, Context._fields, Context.rules)
+        count = checked_count("count", count)
         if self.environment == "descent":
             return self.drawn(contexts, split)[:, np.newaxis]
         return self._errors(contexts, split, count)
@@ -258,10 +282,19 @@ class Problem:
             Of the scrambling; other seeds give independent draws.
         noisy : pair of bool
             Which of the two errors there are.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For wrong contexts, or a wrong count or seed.
+        MemoryError
+            For more than there is room for.
         """
+        contexts, count = checked_contexts(contexts), checked_count("count", count)
+        check_room(len(contexts) * count * _A_TRIAL, f"count = {count}: as many trials", "take fewer")
         task = self.task
         hidden = np.flatnonzero(task.hidden)
-        sequence = qmc.Sobol(len(NOISY) + len(hidden), rng=np.random.default_rng(list(seed)))
+        sequence = qmc.Sobol(len(NOISY) + len(hidden), rng=np.random.default_rng(checked_sequence("seed", seed, int)))
         uniform = np.clip(sequence.random(1 << (count - 1).bit_length())[:count], 1e-12, 1.0 - 1e-12)
         scenes = np.zeros((len(contexts), count, FIELDS + len(NOISY)))
         scenes[..., :FIELDS] = contexts[:, np.newaxis]
@@ -276,9 +309,14 @@ class Problem:
         """Give each of contexts of shape (n, 12) one draw of the launch noise of a split, shape (n, 14).
 
         These are the errors of :meth:`trials` in turn, one per context.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For wrong contexts, or another split.
         """
         trials = self._errors(contexts, split, TRIALS)
-        lanes = np.arange(len(contexts))
+        lanes = np.arange(len(trials))
         return np.asarray(trials[lanes, lanes % trials.shape[1]])
 
     def _errors(self, contexts: Contexts, split: Split, count: int) -> Contexts:
@@ -294,8 +332,17 @@ class Problem:
         return np.stack(columns, axis=-1)
 
     def descend(self, contexts: Contexts, actions: ArrayLike) -> DescentBatch:
-        """Simulate one descent per context with launches of shape (n, k), on all cores; of rides see :meth:`judge`."""
+        """Simulate one descent per context with launches of shape (n, k), on all cores; of rides see :meth:`judge`.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For contexts that are not of shape (n, 12) or (n, 14) or are wrong, or if the problem is one of rides.
+        gymnasium.error.InvalidAction
+            For wrong launches.
+        """
         self.must_be("launch", "launches that are chosen; judge follows rides")
+        contexts = checked_draws("contexts", contexts)
         chosen = checked_actions(self.task.action_space, self.task.action_names, actions, len(contexts))
         return self._descend(contexts, chosen)
 
@@ -347,14 +394,14 @@ class Problem:
 
         Raises
         ------
-        ValueError
-            If its actions have another shape, are no numbers or lie outside [-1, 1].
+        TypeError, ValueError
+            If it has no method ``act`` or ``plan``, for wrong trials, or if its actions have another shape, are no
+            numbers or lie outside [-1, 1].
         GivenCodeError
             If it raises an error itself, which is the cause.
         """
-        trials = numbers_of("trials", trials, "numbers")
-        if trials.ndim not in (2, 3) or trials.shape[-1] not in (FIELDS, FIELDS + len(NOISY)):
-            raise ValueError(f"trials has shape {trials.shape}: must be (n, t, 14), (n, 12) or (n, 14)")
+        _check_agent(agent)
+        trials = checked_draws("trials", trials, repeated=True)
         trials = trials if trials.ndim == 3 else trials[:, np.newaxis]
         many = trials.shape[1]
         contexts = trials.reshape(-1, trials.shape[2])
@@ -380,9 +427,11 @@ class Problem:
 
         Raises
         ------
-        ValueError, GivenCodeError
+        TypeError, ValueError, GivenCodeError
             As :meth:`judge`.
         """
+        _check_agent(agent)
+        contexts = checked_draws("contexts", contexts)
         task = self.task
         rides, spins = task.rides(task.scenes(contexts)), np.zeros(len(contexts))
         trims: list[NDArray[np.float64]] = []
@@ -417,6 +466,30 @@ class Problem:
             return checked_actions(self.action_space, self.task.action_names, actions, len(scenes.rows))
         except InvalidAction as error:
             raise ValueError(f"{whose}: {error}") from error
+
+
+def checked_contexts(contexts: Any) -> Contexts:
+    """Return contexts as an array of shape (n, 12), or raise TypeError or ValueError."""
+    return checked_table("contexts", contexts, Context._fields, Context.rules)
+
+
+def checked_draws(name: str, given: Any, *, repeated: bool = False) -> Contexts:
+    """Return contexts of shape (n, 12), or (n, 14) with errors, as an array, or raise TypeError or ValueError.
+
+    They may be ``repeated`` as well, shape (n, t, 14). Their values are checked where scenes are made of them.
+    """
+    if is_named(given):
+        return checked_table(name, given, Context._fields)
+    numbers = numbers_of(name, given, "numbers")
+    if numbers.ndim not in (2, 2 + repeated) or numbers.shape[-1] not in (FIELDS, FIELDS + len(NOISY)):
+        allowed = f"{'(n, t, 14), ' * repeated}(n, 12) or (n, 14)"
+        raise ValueError(f"{name} has shape {numbers.shape}: must be {allowed}")
+    return numbers
+
+
+def _check_agent(agent: Any) -> None:
+    if not any(callable(getattr(agent, method, None)) for method in ("act", "plan")):
+        raise TypeError(f"agent = {reprlib.repr(agent)}: must have a method act or plan")
 
 
 def _number(split: Split) -> int:

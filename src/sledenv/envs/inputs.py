@@ -131,6 +131,13 @@ def _fixed(context: Any, lanes: int, called: str = "context") -> NDArray[np.floa
     return fixed
 
 
+def checked_options(options: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Return a copy of the options of a reset, nothing for None, or raise TypeError."""
+    if not isinstance(options, Mapping | None):
+        raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
+    return dict(options or {})
+
+
 def read_options(
     options: Mapping[str, Any] | None, default: Split | None, lanes: int = 1, also: tuple[str, ...] = ()
 ) -> Given:
@@ -154,9 +161,7 @@ def read_options(
     TypeError, ValueError
         For an unknown option or field, or a wrong shape, or naming the field, its value and the allowed range.
     """
-    if not isinstance(options, Mapping | None):
-        raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
-    given = dict(options or {})
+    given = checked_options(options)
     context, split = given.pop("context", None), given.pop("split", default)
     if given:
         known = ", ".join(map(repr, ("context", "split", *also)))

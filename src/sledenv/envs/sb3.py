@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import reprlib
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -15,6 +16,7 @@ from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from sledenv.envs.info import checked_info
+from sledenv.envs.inputs import checked_options
 from sledenv.envs.task import TaskOptions
 from sledenv.envs.vector import SledVectorEnv
 from sledenv.envs.viewer import METADATA, Viewer
@@ -132,12 +134,14 @@ class SledVecEnv(VecEnv):
         self._begun = time.time()
 
     def reset(self) -> NDArray[np.float32]:
-        """Begin an episode in every lane, with the seeds and options set for this reset."""
+        """Begin an episode in every lane, with the seeds and options set for this reset.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For an unknown option, or a wrong context or split; all lanes stay where they are.
+        """
         seeds, options = self._seeds, self._options
-        if not isinstance(options, list | tuple):
-            raise TypeError(f"options = {options!r}: must be a mapping, or a list of one per lane")
-        if len(options) != self.num_envs:
-            raise ValueError(f"options has {len(options)} entries: must be one per lane, {self.num_envs}")
         self._reset_seeds()
         self._reset_options()
         observations, info = self.env.reset(
@@ -212,6 +216,32 @@ class SledVecEnv(VecEnv):
         """Return for each lane whether it has a wrapper: they tell what ``Monitor`` does, and have no other."""
         return [issubclass(Monitor, wrapper_class) for _ in self._lanes(indices)]
 
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Keep options for the next reset, which reads them.
+
+        Parameters
+        ----------
+        options : dict or list of dict, optional
+            For all lanes, or one per lane.
+
+        Raises
+        ------
+        TypeError, ValueError
+            For anything else, for another number of them, or if they hold what cannot be copied.
+        """
+        if isinstance(options, Mapping | None):
+            options = dict(options or {})
+        elif not isinstance(options, list | tuple):
+            raise TypeError(f"options = {options!r}: must be a mapping, or a list of one per lane")
+        elif len(options) != self.num_envs:
+            raise ValueError(f"options has {len(options)} entries: must be one per lane, {self.num_envs}")
+        try:
+            super().set_options(options)
+        except TypeError as error:  # of copy.deepcopy
+            raise TypeError(
+                f"options = {reprlib.repr(options)}: must hold numbers, words and arrays: {error}"
+            ) from error
+
     def seed(self, seed: int | None = None) -> Sequence[int | None]:
         """Give each lane a seed for the next reset, ``seed`` to the first one, or one that is drawn."""
         return super().seed(None if seed is None else checked_seed(seed))
@@ -253,10 +283,16 @@ class Lane:
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[NDArray[np.float32], dict[str, Any]]:
-        """Begin an episode in this lane; the others go on."""
+        """Begin an episode in this lane; the others go on.
+
+        Raises
+        ------
+        TypeError, ValueError
+            As the native environment.
+        """
         mask = np.arange(self.env.num_envs) == self.index
         seeds = [seed if own else None for own in mask.tolist()]
-        observations, info = self.env.reset(seed=seeds, options=(options or {}) | {"reset_mask": mask})
+        observations, info = self.env.reset(seed=seeds, options=checked_options(options) | {"reset_mask": mask})
         return observations[self.index], lane_infos(info, self.env.num_envs)[self.index]
 
     def render(self) -> RenderFrame | None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import reprlib
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import Any, Unpack
 
 import gymnasium as gym
@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Floats, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS
-from sledenv.envs.inputs import checked_actions, read_options
+from sledenv.envs.inputs import checked_actions, checked_options, read_options
 from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.envs.viewer import METADATA
 from sledenv.scenarios.scenario import Scenario
@@ -133,9 +133,7 @@ class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[
         gymnasium.error.ResetNeeded
             If the very first reset leaves lanes out.
         """
-        if not isinstance(options, Mapping | None):
-            raise TypeError(f"options = {options!r}: must be a mapping such as {{'split': 'test'}}")
-        given = dict(options or {})
+        given = checked_options(options)
         mask = given.pop("reset_mask", None)
         lanes = np.arange(self.num_envs) if mask is None else np.flatnonzero(self._checked_mask(mask))
         if not self.episodes.begun and len(lanes) < self.num_envs:

@@ -338,12 +338,13 @@ def is_whole(value: object) -> bool:
     return isinstance(value, int | np.integer) and not isinstance(value, bool | np.timedelta64)
 
 
-def checked_count(name: str, value: int) -> int:
-    """Return a number of things, at least one, or raise TypeError or ValueError."""
+def checked_count(name: str, value: int, least: int = 1) -> int:
+    """Return a number of things, at least so many, or raise TypeError or ValueError."""
     if not is_whole(value):
-        raise TypeError(f"{name} = {value!r}: must be an integer >= 1")
-    if not 1 <= value < 2**63:
-        raise ValueError(f"{name} = {reprlib.repr(value)}: must be an integer {'>= 1' if value < 1 else 'below 2**63'}")
+        raise TypeError(f"{name} = {value!r}: must be an integer >= {least}")
+    if not least <= value < 2**63:
+        allowed = f">= {least}" if value < least else "below 2**63"
+        raise ValueError(f"{name} = {reprlib.repr(value)}: must be an integer {allowed}")
     return int(value)
 
 
