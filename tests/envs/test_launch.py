@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import json
+import pickle
 import re
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from gymnasium.envs.registration import EnvSpec
 from gymnasium.error import InvalidAction
 from gymnasium.utils.env_checker import check_env
 from hypothesis import given
@@ -21,7 +24,7 @@ from sledenv.envs.render import draw_film
 from sledenv.envs.task import Task
 from sledenv.scenarios import Context, Scenario
 from sledenv.scenarios.sections import CONTROLS, control_words
-from tests.envs.kinds import SCALAR, both_ids
+from tests.envs.kinds import SCALAR, both_ids, equal
 from tests.own_scenarios import own_scenario
 
 SCENARIOS = sledenv.scenario_names()
@@ -172,6 +175,23 @@ def test_an_unknown_argument_is_told_in_pythons_own_words(make, env_id):
     words = str(pythons.value)[str(pythons.value).index("got an unexpected keyword argument") :]
     with pytest.raises(TypeError, match=re.escape(f".__init__() {words}; it has ")):
         make(env_id, frameskip=1)
+
+
+@both_ids
+@pytest.mark.parametrize("make", [gym.make, gym.make_vec])
+@pytest.mark.parametrize("kind", [str, Path])
+def test_a_spec_makes_the_same_environment_in_another_folder(make, env_id, kind, tmp_path, monkeypatch):
+    """Oracle: the environment itself; the absolute path. Names and scenarios stay what they are."""
+    file = Path(own_scenario("ice_drop"))
+    monkeypatch.chdir(file.parent)
+    env = make(env_id, scenario=kind(file.name))
+    monkeypatch.chdir(tmp_path)
+    assert env.spec.kwargs["scenario"] == str(file)
+    for spec in (env.spec, pickle.loads(pickle.dumps(env.spec)), EnvSpec.from_json(env.spec.to_json())):
+        assert equal(env.reset(seed=2), make(spec).reset(seed=2))
+    for scenario in ("sled_mat", SCENARIO):
+        assert make(env_id, scenario=scenario).spec.kwargs["scenario"] == scenario
+    assert "scenario" not in make(env_id).spec.kwargs
 
 
 def test_entries_of_observations_and_actions_have_names():

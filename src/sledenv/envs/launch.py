@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from sledenv.envs.episodes import Episodes, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS, only_lane
 from sledenv.envs.inputs import checked_actions, read_options
+from sledenv.envs.spec import OfAnyFolder
 from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.envs.viewer import METADATA
 from sledenv.scenarios.scenario import Scenario
@@ -25,7 +26,7 @@ from sledenv.simulation.scenes import Lanes
 _ONLY: Lanes = np.zeros(1, np.intp)  # number of the only lane
 
 
-class SledLaunch(gym.Env[NDArray[np.float32], NDArray[np.float32]]):
+class SledLaunch(OfAnyFolder, gym.Env[NDArray[np.float32], NDArray[np.float32]]):
     """A one-step environment: from the context of a launch to what an agent chooses of it.
 
     Observation

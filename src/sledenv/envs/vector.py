@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from sledenv.envs.episodes import DescentEpisodes, Episodes, Flags, Floats, LaunchEpisodes, Snapshot
 from sledenv.envs.info import INFO_KEYS
 from sledenv.envs.inputs import checked_actions, checked_options, read_options
+from sledenv.envs.spec import OfAnyFolder
 from sledenv.envs.task import Task, TaskOptions, check_options
 from sledenv.envs.viewer import METADATA
 from sledenv.scenarios.scenario import Scenario
@@ -32,7 +33,7 @@ CHEAP_INFO = tuple(key for key in INFO_KEYS if key != "rebounds")
 _LANE = 1024  # bytes that a lane takes at least
 
 
-class SledVectorEnv(VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
+class SledVectorEnv(OfAnyFolder, VectorEnv[NDArray[np.float32], NDArray[np.float32], NDArray[Any]]):
     """Many lanes of one task: seeds, resets, autoreset and info, whatever an episode consists of.
 
     Lane i of ``reset(seed=s)`` gives, bit for bit, the episodes of the scalar environment after ``reset(seed=s + i)``,

@@ -17,6 +17,11 @@ def shipped(folder: str) -> tuple[str, ...]:
     return tuple(sorted(file.stem for file in (CONFIGS / folder).glob("*.yaml")))
 
 
+def is_path(name: str) -> bool:
+    """Whether this is the path of a file, and not the name of one that ships."""
+    return name.endswith((".yaml", ".yml"))
+
+
 def find_file(called: str, folder: str, name: str) -> Path:
     """Return the file of a name that ships in a folder of ``configs``; a path ends in ``.yaml`` and stays as it is.
 
@@ -25,7 +30,7 @@ def find_file(called: str, folder: str, name: str) -> Path:
     ValueError
         If there is no such name; ``called`` says of what.
     """
-    if name.endswith((".yaml", ".yml")):
+    if is_path(name):
         return Path(name)
     known = shipped(folder)
     if name not in known:
