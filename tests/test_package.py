@@ -71,7 +71,7 @@ assert reference(Problem("sled_rollers", "descent")) is not None
 for run in ("sled_mat-launch-spin-critic-s0", "sled_snow-launch-orientation-critic-s0"):
     problem, agent, config = load_run(Path(run))
     context = problem.contexts("test", 1)
-    assert agent.act(problem.task.observe(context)).shape == (1, problem.actions), run
+    assert agent.act(problem.task.observe(problem.task.scenes(context))).shape == (1, problem.actions), run
 print(*hashes, *studies, *suites)
 """
 
