@@ -52,9 +52,9 @@ def altered(draw: Callable[..., Any], originals: list[dict[str, Any]]) -> dict[s
         if deed == "remove":
             del owner[key]
         elif deed == "add" and isinstance(owner, dict):
-            owner[draw(KEYS)] = draw(ANYTHING)
+            owner[draw(KEYS)] = copy.deepcopy(draw(ANYTHING))
         else:
-            owner[key] = draw(ANYTHING)
+            owner[key] = copy.deepcopy(draw(ANYTHING))  # which may be altered in turn
     return content
 
 
@@ -109,7 +109,7 @@ def test_studies(content: dict[str, Any], scratch: Path) -> None:
         few = one.model_copy(update={"launches": 8})
         values = few.values(draws(few))
         few.check_bodies(values)
-        few.lanes(values)
+        few.scenes(values)
         assert one == load_study(file)
         raise ValueError("prepared")
 
