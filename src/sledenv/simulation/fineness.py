@@ -50,6 +50,7 @@ def too_fine(scenes: Scenes) -> TooFine | None:
     """Return where a ground is cut too finely for a body and a stiffness."""
     rows, bodies = scenes.rows, scenes.bodies
     places, numbers = np.unique(np.stack([rows["ground"], rows["ground_end"]], axis=-1), axis=0, return_inverse=True)
+    numbers = numbers.ravel()  # NumPy 2.0.0 alone gives a column
     vertices = [scenes.pieces[begin + 1 : end] for begin, end in places.astype(np.intp).tolist()]
     found = _rows_of(vertices)
     if not len(found.x):
