@@ -18,7 +18,7 @@ class OfAnyFolder:
 
     @property
     def spec(self) -> EnvSpec | None:
-        """What Gymnasium made it from, None if it did not."""
+        """The spec that Gymnasium made it from, None if it did not."""
         return self._spec
 
     @spec.setter
