@@ -915,7 +915,7 @@ WRONG: dict[str, list[tuple[Any, ...]]] = {
         ("descents", "descents[0] = ", ["x"], [FELL.trajectory]),
         ("labels", "must be a sequence of str", 5, "a"),
         ("labels", "labels[0] = 5: must be a str", [5]),
-        ("frames", "must be an integer", *NO_COUNT),
+        ("frames", "must be an integer", 1, *NO_COUNT),
         ("between", "must be a pair", 5, "ab", [1.0]),
         ("between", "between.end = ", [0.0, INF], [0.0, "x"]),
     ],

@@ -365,7 +365,7 @@ def test_wrong_arguments_of_figures_are_named(slides: Descent, jams: Descent) ->
     refused: list[tuple[Any, str]] = [
         (lambda: plot.plot_strobe([]), "descents is empty"),
         (lambda: plot.plot_strobe(slides, labels=["a", "b"]), "2 labels for 1 descents"),
-        (lambda: plot.plot_strobe(slides, frames=1), "frames = 1: must be >= 2"),
+        (lambda: plot.plot_strobe(slides, frames=1), "frames = 1: must be an integer >= 2"),
         (lambda: plot.plot_strobe(slides, between=(-9.0, -8.0)), r"between = \(-9.0, -8.0\): a descent has nothing"),
         (lambda: plot.plot_strobe(bare), 'record="trajectory"'),
         (lambda: plot.plot_impact(slides, 5.0, 4.0), "start = 5.0, stop = 4.0: fewer than two rows"),

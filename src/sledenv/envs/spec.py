@@ -26,7 +26,6 @@ class OfAnyFolder:
         scenario = None if spec is None else spec.kwargs.get("scenario")
         if spec is not None and isinstance(scenario, str | os.PathLike):
             name = os.fsdecode(scenario)
-            spec = replace(
-                spec, kwargs=spec.kwargs | {"scenario": str(Path(name).absolute()) if is_path(name) else name}
-            )
+            kept = str(Path(name).absolute()) if is_path(name) else name
+            spec = replace(spec, kwargs=spec.kwargs | {"scenario": kept})
         self._spec = spec

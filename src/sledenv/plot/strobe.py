@@ -109,8 +109,7 @@ def plot_strobe(
     labels = [""] * len(descents) if labels is None else checked_sequence("labels", labels, str)
     if len(labels) != len(descents):
         raise ValueError(f"{len(labels)} labels for {len(descents)} descents")
-    if checked_count("frames", frames) < 2:
-        raise ValueError(f"frames = {frames!r}: must be >= 2")
+    checked_count("frames", frames, least=2)
     if between is not None:
         begin, end = checked_pair("between", between)
         between = checked("between", "begin", begin, FINITE), checked("between", "end", end, FINITE)
